@@ -56,14 +56,14 @@ def build_shell(volume: Volume) -> list[ShellPart]:
     Facets that are narrower than 10 um have no part: the plane of such a facet is not known.
     """
     shell = _Shell(volume)
-    surfaces = polygons_of(volume)
+    is_wide = _are_wide(volume)
+    surfaces = [surface for surface in polygons_of(volume) if is_wide[surface[1]].any()]
     left = shell.begin(RockSurfaces(volume, [surface for surface in surfaces if len(surface[1]) > 1]))
     for kind, depth_m in SHAPES[:_SHAPES_OF_MANY]:
         left = shell.fit(left, kind, depth_m)
     facets = [k for polygons in left for number in polygons.numbers.tolist() for k in shell.facets_of(number)]
     facets += [k for _, (k, *more) in surfaces if not more]
-    facets = [k for k, is_wide in zip(facets, _are_wide(volume, facets), strict=True) if is_wide]
-    left = shell.begin(RockSurfaces.of_facets(volume, facets))
+    left = shell.begin(RockSurfaces.of_facets(volume, [k for k in facets if is_wide[k]]))
     for kind, depth_m in SHAPES:
         left = shell.fit(left, kind, depth_m)
     parts, free = shell.apart()
@@ -235,11 +235,11 @@ def _has_volume(corners: np.ndarray) -> bool:
     return not solid.is_empty() and solid.volume() > 0
 
 
-def _are_wide(volume: Volume, facets: list[int]) -> list[bool]:
-    """Return which facets (n,) are not narrow, as their height over the longest edge is."""
-    corners = volume.vertices[volume.faces[facets]]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1, initial=0.0)
-    found: list[bool] = (np.linalg.norm(volume.normals[facets], axis=1) > ON_PLANE_M * longest).tolist()
+def _are_wide(volume: Volume) -> np.ndarray:
+    """Return which facets (f,) are not narrow, as their height over the longest edge is."""
+    corners = volume.vertices[volume.faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    found: np.ndarray = np.linalg.norm(volume.normals, axis=1) > ON_PLANE_M * longest
     return found
 
 
