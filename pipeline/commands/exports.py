@@ -31,16 +31,14 @@ def export_(name: str, to: str, out: Path | None, licence: str | None, overrides
 def _find(name: str) -> tuple[Path, str]:
     """Return the bundle that a folder or a world of this project is, and the licences of what that was made from."""
     from pipeline.places import require_project
-    from pipeline.store.codecs import decode
-    from pipeline.types import Survey
-    from pipeline.worlds import world_folder
+    from pipeline.worlds import survey_of, world_folder
 
     if (Path(name) / RECORD).is_file():
         return Path(name), _NOT_STATED
     require_project()
     folder = world_folder(name)
-    survey: Survey = decode(folder / "survey" / "survey.json", Survey)
-    return folder / "realism" / "world", "; ".join(sorted(set(survey.licences.values()))) or _NOT_STATED
+    licences = survey_of(folder).survey.licences
+    return folder / "realism" / "world", "; ".join(sorted(set(licences.values()))) or _NOT_STATED
 
 
 def add_to(commands: Any) -> None:

@@ -37,6 +37,9 @@ class TextureReportParams(Params):
     points_per_m2: float = Field(gt=0, description="greatest density of points; small mines need fewer")
     stretches: int = Field(ge=1, le=200, description="stretches of drift in one draw")
     draws: int = Field(ge=1, le=50, description="most draws whose mean is given; a short mine has fewer")
+    widest_spacing_m: float = Field(
+        gt=0, description="distance of points, where the walls are finest, up to which texture and relief are judged"
+    )
     stretch_radius_m: float = Field(gt=0, description="radius of a stretch around its place on the drift")
     wall_z_m: tuple[float, float] = Field(
         description="heights above the floor between which wall points count (the paper's)"

@@ -27,10 +27,14 @@ def is_measured(group: str, params: ValidationParams) -> bool:
 def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any]) -> str | None:
     """Return why texture and relief of a mine's rock have no limits, by its flat figures; None if they have.
 
-    The limits are those of one whole draw of stretches: in fewer drifts a single block decides. The surface of a solid
-    that was read, and not drawn, is rock itself, and its own relief is in the figures.
+    The limits are those of one whole draw of stretches: in fewer drifts a single block decides. Points that are far
+    apart, as those of a large mine are, cannot have the relief of short wavelengths. The surface of a solid that was
+    read, and not drawn, is rock itself, and its own relief is in the figures.
     """
     drift_m, draw_m = figures.get("topology.drift_m"), params.texture.draw_m
+    spacing_m, widest_m = figures.get("relief.spacing_m", 0.0), params.texture.widest_spacing_m
+    if spacing_m > widest_m:
+        return f"points of the rock are {spacing_m:.2g} m apart, too far to judge texture and relief by ({widest_m:g} m)"
     if "solid.iou" in figures and "drawn.floor_mm" not in figures:
         return "texture and relief are measured, not judged: the surface of the solid has its own relief"
     if drift_m is None or drift_m >= draw_m:

@@ -216,6 +216,7 @@ _MEANINGS = {  # the first pattern counts
     "texture.*": "texture of the rock against a scan of real rock",
     "relief.steep_share*": "share of the rock that leans from the wall by more than this angle",
     "relief.flat_face_share": "share of the rock on faces that are nearly flat",
+    "relief.spacing_m": "distance of points of the rock where it is finest",
     "relief.cut.*.length_ratio": "length of a level cut through the walls, over that of the plan's wall",
     "relief.cut.*.slope.*": "slope of the spectrum of such a cut between two wavelengths",
     "relief.cut.*.line_rq_m.*": "roughness of such a cut within stretches of this length",

@@ -67,6 +67,7 @@ def test_steep_shares_follow_the_slope_of_faces_and_find_a_steep_foot():
     assert steep["above_40_deg"] > 0.5
     foot = walls_of(lambda x, z: np.maximum(0, 0.4 - z), step_m=1.0)  # leans by 45 deg up to 0.4 m
     relief = measure_relief(foot, sample, DRIFT)
+    assert relief.spacing_m == pytest.approx(0.4)
     by_height = relief.steep_share_by_height
     assert by_height["from_0_cm_to_50_cm"] == {"above_20_deg": 1.0, "above_40_deg": 1.0}
     assert by_height["from_50_cm_to_150_cm"] == by_height["from_150_cm_up"] == {"above_20_deg": 0, "above_40_deg": 0}

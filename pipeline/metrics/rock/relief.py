@@ -21,6 +21,7 @@ _LEAST_RUN_M = 3.0
 STEEP_DEG = (20, 40)  # between the two humps of the default rock: faces along the wall, and the sides of blocks
 BANDS_M = ((0.0, 0.5), (0.5, 1.5), (1.5, None))  # of height: the foot leans, the robot's scanner sees the middle
 _FLAT_DEG, _FLAT_M2 = 12.0, 0.05
+_FINEST = 0.05  # of sides of faces: flat rock has fewer points than the mesh that it was made of
 _JOIN = 1e4  # corners are one vertex if they agree to 0.1 mm
 
 
@@ -30,11 +31,13 @@ class Relief:
 
     `steep_share` maps `above_20_deg` and `above_40_deg` to the share of the area whose angle to the plan's wall is
     larger. A median of angles would say less: they gather below 15 and above 55 deg, and the median lies between.
+    `spacing_m` is the distance of points where the walls are finest: one side of a face in twenty is shorter.
     """
 
     steep_share: dict[str, float]
     steep_share_by_height: dict[str, dict[str, float]]
     flat_face_share: float
+    spacing_m: float
     cut: dict[str, Cut]
 
 
@@ -67,7 +70,11 @@ def measure_relief(
     angle, area = face_angles_deg(walls, free.boundary) if plumb is None else angles_to_deg(*plumb)
     bands = {name: _steep_share(angle[band], area[band]) for name, band in _bands(faces).items() if band.any()}
     share = _steep_share(angle, area) if len(area) else {}
-    return repeatable(Relief(share, bands, flat_face_share(sample), cuts))
+    return repeatable(Relief(share, bands, flat_face_share(sample), _spacing_m(walls), cuts))
+
+
+def _spacing_m(faces: np.ndarray) -> float:
+    return float(np.quantile(np.linalg.norm(faces - np.roll(faces, 1, axis=1), axis=2), _FINEST))
 
 
 def face_angles_deg(walls: np.ndarray, lines: BaseGeometry) -> tuple[np.ndarray, np.ndarray]:

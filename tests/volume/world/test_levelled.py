@@ -127,6 +127,8 @@ def test_without_a_floor_that_robots_drive_on_nothing_is_measured(box):
         ({"topology.drift_m": 95.0, "texture.draws": 1}, False, "95 m of drift, 2.5 m high or more, are too few"),
         ({"topology.drift_m": 300.0, "texture.draws": 2, "solid.iou": 1.0}, False, "the solid has its own relief"),
         ({"topology.drift_m": 300.0, "texture.draws": 2, "solid.iou": 1.0, "drawn.floor_mm": 0.0}, True, None),
+        ({"topology.drift_m": 300.0, "texture.draws": 2, "relief.spacing_m": 0.15}, True, None),
+        ({"topology.drift_m": 300.0, "texture.draws": 2, "relief.spacing_m": 0.18}, False, "0.18 m apart, too far to"),
         ({}, False, None),
     ],
 )
@@ -141,7 +143,9 @@ def test_rock_is_judged_in_long_mines_that_were_surveyed_or_drawn(figures, judge
     assert not any(".slope." in name for name in limits)  # of a spectrum that a short mine has too few windows for
     if judged:
         assert any(".slope." in name for name in applying_limits(PARAMS, {**figures, "topology.drift_m": 480.0}))
-    assert any(".slope." in name for name in applying_limits(PARAMS, {"topology.drift_m": 96.0}))  # of a level mine
+    level = {"topology.drift_m": 96.0}
+    assert any(".slope." in name for name in applying_limits(PARAMS, level))
+    assert not any(".slope." in name for name in applying_limits(PARAMS, {**level, "relief.spacing_m": 0.18}))
     found = why_rock_is_not_judged(PARAMS, figures)
     assert (found is None) == (why is None)
     assert why is None or why in found
