@@ -34,7 +34,9 @@ def why_rock_is_not_judged(params: ValidationParams, figures: Mapping[str, Any])
     drift_m, draw_m = figures.get("topology.drift_m"), params.texture.draw_m
     spacing_m, widest_m = figures.get("relief.spacing_m", 0.0), params.texture.widest_spacing_m
     if spacing_m > widest_m:
-        return f"points of the rock are {spacing_m:.2g} m apart, too far to judge texture and relief by ({widest_m:g} m)"
+        return (
+            f"points of the rock are {spacing_m:.2g} m apart, too far to judge texture and relief by ({widest_m:g} m)"
+        )
     if "solid.iou" in figures and "drawn.floor_mm" not in figures:
         return "texture and relief are measured, not judged: the surface of the solid has its own relief"
     if drift_m is None or drift_m >= draw_m:
