@@ -145,7 +145,8 @@ def split_long(triangles: np.ndarray, longest_m: float = 3.0) -> np.ndarray:
     It stops at two million triangles, so that a mesh in wrong units does not exhaust the memory.
     """
     while 0 < len(triangles) < _MOST_FACES:
-        sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
+        # Rounded: sides tie, and the last digit, which differs between processors, would choose.
+        sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2).round(6)
         long = sides.max(axis=1) > longest_m
         if not long.any():
             break

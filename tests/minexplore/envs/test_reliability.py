@@ -97,13 +97,13 @@ def test_hard_driving_leaves_no_nan_and_no_robot_outside(tee: BuiltMine):
 
 
 @pytest.mark.slow
-def test_a_million_hard_steps_on_the_real_mine(built: Project):
-    """10^6 control steps, 2 * 10^7 physics steps: no NaN, no warning, no robot outside by more than 1 cm."""
+def test_a_hundred_thousand_hard_steps_on_the_real_mine(built: Project):
+    """10^5 control steps, 2 * 10^6 physics steps: no NaN, no warning, no robot outside by more than 1 cm."""
     bundle = built.folder / "artifacts" / "realism" / "world"
     inside = decode(bundle / "free_space.geojson", FreeSpace).polygon.buffer(0.01)
     shapely.prepare(inside)
     robots = RobotBatch(load_world(bundle), TaskParams(), RobotParams(), 200, threads=2)
-    assert drive_hard(robots, inside, 5000, 2) == 1_000_000
+    assert drive_hard(robots, inside, 500, 2) == 100_000
 
 
 @pytest.mark.slow
