@@ -64,7 +64,7 @@ class Parts:
 
     def __len__(self) -> int:
         """Return how many parts there are."""
-        return len(self.label)
+        return len(self.first) - 1
 
     def __getitem__(self, number: int) -> np.ndarray:
         """Return a part's corners (k, 3) m."""
