@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import VolumeFacets, each_of
 from pipeline.geometry.raycast import RayCaster
 from pipeline.metrics.leg_widths import KEPT, SAMPLE_M
 from pipeline.volume.network import SurveyNetwork
@@ -30,8 +30,7 @@ def width_figures(network: SurveyNetwork, offset: np.ndarray, mine: VolumeFacets
     run = np.linalg.norm(step, axis=1)
     rise = np.minimum(np.abs(np.diff(network.ends_m[:, :, 2])), np.abs(np.diff(floors[:, :, 2])))[:, 0]
     count = np.where(run > np.maximum(rise, _NO_RUN_M), np.maximum(3, np.ceil(run / SAMPLE_M).astype(int)), 0)
-    leg = np.repeat(np.arange(len(run)), count)
-    number = np.arange(len(leg)) - np.repeat(np.cumsum(count) - count, count)
+    leg, number = each_of(count)
     share = (_END + number / np.maximum(count[leg] - 1, 1) * (1 - 2 * _END))[:, None]
     walls = (1 - share) * lrud[leg, 0] + share * lrud[leg, 1]
     half = walls[:, :2].sum(axis=1) / 2
