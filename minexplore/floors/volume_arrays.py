@@ -19,6 +19,12 @@ class FacetLabel(IntEnum):
     ROOF = 2
 
 
+def each_of(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for so many (n,) things of each owner, one owner after the other, the owner and 0, 1, ... of the thing."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    return owner, np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
 @dataclass(frozen=True)
 class VolumeFacets:
     """The boundary of the free space: a closed triangle mesh.
@@ -64,7 +70,7 @@ class Parts:
 
     def __len__(self) -> int:
         """Return how many parts there are."""
-        return len(self.label)
+        return len(self.first) - 1
 
     def __getitem__(self, number: int) -> np.ndarray:
         """Return a part's corners (k, 3) m."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import FloorSpans
+from minexplore.floors.volume_arrays import FloorSpans, each_of
 from minexplore.volume.standing import connected, keys_of, neighbours
 
 _LEAST_M = 0.01  # of heights that two columns have in common, for a robot to go from one to the other
@@ -50,8 +50,8 @@ class AirSpans:
         """Return points (n, 3) m in the spans: one in each layer of heights that is so thick."""
         first = np.floor(self.floor_m / step_m).astype(int)
         count = np.floor((self.floor_m + self.headroom_m) / step_m).astype(int) - first + 1
-        span = np.repeat(np.arange(len(count)), count)
-        layer = first[span] + np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count)
+        span, layer = each_of(count)
+        layer += first[span]
         height = np.clip((layer + 0.5) * step_m, self.floor_m[span], self.floor_m[span] + self.headroom_m[span])
         return np.column_stack([self.places_m[span], height])
 
@@ -71,8 +71,7 @@ def air_spans(spans: FloorSpans, radius_m: float, half_height_m: float) -> AirSp
         beside = keys_of(spans.column[own] + east, spans.row[own] + north)
         at = np.minimum(np.searchsorted(found, beside), len(found) - 1)
         count_at = np.where(found[at] == beside, count[at], 0)
-        piece = np.repeat(np.arange(len(own)), count_at)
-        number = np.arange(len(piece)) - np.repeat(np.cumsum(count_at) - count_at, count_at)
+        piece, number = each_of(count_at)
         other = order[first[at[piece]] + number]
         low, high, own = np.maximum(low[piece], floor[other]), np.minimum(high[piece], roof[other]), own[piece]
         roomy = high - low > _LEAST_M

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import VolumeFacets, each_of
 from minexplore.tiles import Tile, group_by_tile, tiles_at
 
 _TILE_M = 2.0  # facets are looked up by square tiles seen from above
@@ -131,19 +131,13 @@ def _scan(corners: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.n
         swap = ((a[:, 1] > b[:, 1]) | ((a[:, 1] == b[:, 1]) & (a[:, 0] > b[:, 0])))[:, None]
         low, high = np.where(swap, b, a), np.where(swap, a, b)  # the same of both triangles beside a side
         begin, end = (np.clip(np.ceil(side[:, 1]), 0, count).astype(int) for side in (low, high))
-        triangle = np.repeat(np.arange(len(corners)), end - begin)
-        row = begin[triangle] + _count_up(end - begin)
+        triangle, row = each_of(end - begin)
+        row += begin[triangle]
         one, two = low[triangle], high[triangle]
         x = one[:, 0] + (row - one[:, 1]) / (two[:, 1] - one[:, 1]) * (two[:, 0] - one[:, 0])
         sides.append(np.column_stack([triangle, row, np.clip(np.ceil(x), 0, count).astype(int)]))
     each = np.concatenate(sides)
     each = each[np.lexsort((each[:, 2], each[:, 1], each[:, 0]))]
     left, right = each[0::2], each[1::2]
-    wide = right[:, 2] - left[:, 2]
-    return np.repeat(left[:, 0], wide), np.repeat(left[:, 1], wide), np.repeat(left[:, 2], wide) + _count_up(wide)
-
-
-def _count_up(counts: np.ndarray) -> np.ndarray:
-    """Return 0, 1, ... below each count, one after another."""
-    found: np.ndarray = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return found
+    owner, step = each_of(right[:, 2] - left[:, 2])
+    return left[owner, 0], left[owner, 1], left[owner, 2] + step

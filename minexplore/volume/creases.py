@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import VolumeFacets, each_of
 
 _STEP_M = 0.05  # between places of a crease
 _MOST = 5_000_000  # places of all creases; a larger mine has them farther apart
@@ -31,9 +31,9 @@ class Creases:
         a, b = np.moveaxis(facets.vertices[edge[order[0::2][turned]]], 1, 0)
         length = np.linalg.norm(b - a, axis=1)
         count = np.ceil(length / max(_STEP_M, float(length.sum()) / _MOST)).astype(int) + 1
-        number = np.repeat(np.arange(len(a)), count)
-        share = (np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)) / np.maximum(count - 1, 1)[number]
-        places = a[number] + share[:, None] * (b[number] - a[number])
+        number, step = each_of(count)
+        share = (step / np.maximum(count - 1, 1)[number])[:, None]
+        places = a[number] + share * (b[number] - a[number])
         self._places = places[np.argsort(places[:, 0], kind="stable")]  # from west to east
 
     def within(self, low_m: np.ndarray, high_m: np.ndarray, beside_m: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.gaps import SurfaceGap, widest_gap
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.intruding_volume import shared_m3
-from pipeline.volume.rock.ragged import PartCorners
+from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.rock.tiles import Tile
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
@@ -81,7 +81,7 @@ def measure_enclosure(volume: Volume, parts: list[ShellPart], faces: PartFaces |
     are known.
     """
     facets, size = Facets(volume.vertices, volume.faces), np.linalg.norm(volume.normals, axis=1)
-    corners = PartCorners.of([part.corners for part in parts])
+    corners = parts_of([part.corners for part in parts])
     faces = faces or faces_on_facets(volume, corners)
     front = np.array([max(part.facets, key=size.__getitem__) for part in parts], int)
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])

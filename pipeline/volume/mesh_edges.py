@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 
+from minexplore.floors.volume_arrays import each_of
 from pipeline.volume.union import Volume
 
 
@@ -76,6 +77,5 @@ class MeshEdges:
 
 def ranges(first: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers from `first` to before `end` (n,), one range after the other, each with its range's number."""
-    count = end - first
-    number = np.repeat(np.arange(len(count)), count)
-    return number, np.arange(len(number)) + np.repeat(first - (np.cumsum(count) - count), count)
+    number, step = each_of(end - first)
+    return number, first[number] + step

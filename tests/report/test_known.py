@@ -5,11 +5,17 @@ import pytest
 
 from minesurveys.frames import Source
 from pipeline.report.chart import ChartGrid
-from pipeline.report.figures.known import facets_by_known
-from pipeline.report.figures.legs import DrawnLegs, quads_from_above, section_chart
 from pipeline.survey.passages.legs import legs_of
 from pipeline.survey.passages.relief import known_of
-from pipeline.volume.network import network_of
+from pipeline.volume.leg_charts import (
+    facets_by_known,
+    measured_widths_m,
+    quads_from_above,
+    section_chart,
+    shares_known,
+    shown_stations,
+)
+from pipeline.volume.network import SurveyNetwork, network_of
 from tests.volume_worlds import HEADER, legs_of_table
 
 # In leg A two of three stations have walls and a roof, in leg B one of four; 5 has its floor between 3 and 6.
@@ -28,11 +34,12 @@ def surveyed(tmp_path_factory):
 @pytest.fixture
 def legs():
     """Return two legs of 10 m in a row, 3 m wide; at their middle station the left wall and the roof are assumed."""
-    ends = np.array([[[0.0, 0, 0], [10, 0, 0]], [[10, 0, 0], [20, 0, 0]]])
+    places, shots = np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]]), np.array([[0, 1], [1, 2]])
     known = np.full((2, 2, 4), M, np.uint8)
     known[0, 1, [0, 2]] = known[1, 0, [0, 2]] = GUESS
-    across = np.tile([0.0, 1.0], (2, 2, 1))
-    return DrawnLegs([("1", "2"), ("2", "3")], ends, across, np.tile([2.0, 1.0, 2.0, 0.5], (2, 2, 1)), known)
+    across, lrud = np.tile([0.0, 1.0], (2, 2, 1)), np.tile([2.0, 1.0, 2.0, 0.5], (2, 2, 1))
+    none = np.zeros((2, 2), bool)
+    return SurveyNetwork(places, shots, across, lrud, none, known, none, ("1", "2", "3"))
 
 
 def test_a_station_says_of_each_distance_whether_it_is_measured_interpolated_or_assumed(surveyed):
@@ -58,12 +65,12 @@ def test_a_network_knows_it_at_both_ends_of_each_leg_whichever_way_its_chains_ru
 
 
 def test_the_headline_counts_stations_where_both_walls_are_measured_and_their_widths_alone(legs):
-    widths, count = legs.widths_m()
+    widths, count = measured_widths_m(legs)
     assert (widths.tolist(), count) == ([3.0, 3.0], 3)
 
 
 def test_shares_count_each_half_of_a_leg_as_the_station_at_its_end(legs):
-    shares = legs.shares()
+    shares = shares_known(legs)
     assert shares["walls"] == pytest.approx((0.75, 0, 0.25))
     assert shares["roof"] == pytest.approx((0.5, 0, 0.5))
     assert shares["floor"] == pytest.approx((1, 0, 0))
@@ -82,7 +89,7 @@ def test_the_map_has_a_quad_for_each_half_and_side_of_a_leg(legs):
 
 
 def test_the_long_section_has_elevations_and_the_roof_over_the_survey_line(legs):
-    chart, bearing = section_chart(legs, 100.0, ChartGrid())
+    chart, bearing = section_chart(legs, 100.0, shown_stations(legs, 100.0, ChartGrid()))
     assert bearing == pytest.approx(90)
     assert chart.bounds == pytest.approx((0, 99.5, 20, 102))
     quads = np.array(chart.quads)

@@ -9,6 +9,7 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M, lower_assumed_roofs
 from pipeline.volume.network import network_of
 from pipeline.volume.world.proof.floor import floor_figures
+from pipeline.volume.world.topology import mine_network
 from tests.volume_worlds import CONFIG, HEADER, VolumeWorld, legs_of_table
 
 
@@ -87,7 +88,8 @@ def test_stage_3_says_how_many_roofs_are_lower_than_assumed_and_where_the_lowest
 )
 def test_a_floor_that_an_assumed_roof_cuts_is_listed_with_the_option(tmp_path, capsys, up, why):
     world = VolumeWorld(crossing(1.4, up), tmp_path)
-    figures = floor_figures(CONFIG.validation.volume, world.shape, world.opened().mine)
+    params = CONFIG.validation.volume
+    figures = floor_figures(*mine_network(world.shape, params.height_m, params.volume), world.opened().mine)
     (through,) = (line for line in figures["through"] if line.startswith("1 to 2 through 5 to 6"))
     assert ("whose roof is assumed" in through) == (not up)
     assert f"1 pairs of legs break through each other's floors, {why}: 1 to 2" in capsys.readouterr().err

@@ -5,8 +5,9 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 
+from minexplore.floors.volume_arrays import Parts
 from pipeline.geometry.facets.separation import ROUNDING_M, Facets
-from pipeline.volume.rock.ragged import PartCorners
+from pipeline.volume.rock.ragged import rows_of
 from pipeline.volume.rock.shapes import bodies_of
 from pipeline.volume.union import Volume
 
@@ -15,7 +16,7 @@ _TOGETHER = 1000  # bodies
 _AT_ONCE = 20_000  # parts whose facets are looked for together
 
 
-def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -> np.ndarray:
+def parts_not_cleared(volume: Volume, parts: Parts, outward: np.ndarray) -> np.ndarray:
     """Return the numbers of the parts that some facet reaches into, as far as planes show.
 
     `outward` (n, 3) are unit normals of the parts' faces on the free space, out of the part. First tried are these, the
@@ -27,7 +28,7 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
     along = np.einsum("nk,nk->n", parts.corners, np.repeat(outward, count, axis=0))
     reach = np.maximum.reduceat(along, parts.first[:-1])
     middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
-    low, high = parts.boxes()
+    low, high = parts.boxes_m
 
     pairs = [np.zeros((2, 0), int)]
     for start in range(0, len(parts), _AT_ONCE):
@@ -36,9 +37,7 @@ def parts_not_cleared(volume: Volume, parts: PartCorners, outward: np.ndarray) -
     return _in_full(facets, parts, outward, *np.concatenate(pairs, axis=1))
 
 
-def _in_full(
-    facets: Facets, parts: PartCorners, outward: np.ndarray, part: np.ndarray, facet: np.ndarray
-) -> np.ndarray:
+def _in_full(facets: Facets, parts: Parts, outward: np.ndarray, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
     """Return which of the parts of some pairs (n,) of a part and a facet no plane separates from one of its facets."""
     left, body = np.unique(part, return_inverse=True)
     order = np.argsort(body, kind="stable")
@@ -57,7 +56,7 @@ def _in_full(
 
 def _not_parted(
     facets: Facets,
-    parts: PartCorners,
+    parts: Parts,
     outward: np.ndarray,
     reach: np.ndarray,
     middles: np.ndarray,
@@ -93,10 +92,10 @@ def _least(corners: np.ndarray, ways: np.ndarray) -> np.ndarray:
     return found
 
 
-def _between(parts: PartCorners, part: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _between(parts: Parts, part: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the least and the largest place (n,) of parts along ways (n, 3)."""
     if not len(part):
         return np.zeros(0), np.zeros(0)
-    rows, starts = parts.rows(part)
+    rows, starts = rows_of(parts, part)
     along = np.einsum("nk,nk->n", parts.corners[rows], np.repeat(ways, np.diff(np.append(starts, len(rows))), axis=0))
     return np.minimum.reduceat(along, starts), np.maximum.reduceat(along, starts)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
+from minexplore.floors.volume_arrays import Parts
 from pipeline.geometry.facets.separation import Facets
-from pipeline.volume.rock.ragged import PartCorners
+from pipeline.volume.rock.ragged import rows_of
 from pipeline.volume.union import Volume
 
 ON_PLANE_M = 1e-5  # corners of a part's face from the plane of a facet
@@ -76,7 +77,7 @@ class PartFaces:
         return np.maximum(0.0, areas_m2 - most)
 
 
-def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
+def faces_on_facets(volume: Volume, parts: Parts) -> PartFaces:
     """Return the faces of parts that lie on the facets of a volume.
 
     The plane of a small facet is known badly far from it. What no face covers is tried again with the plane of each
@@ -98,9 +99,9 @@ def faces_on_facets(volume: Volume, parts: PartCorners) -> PartFaces:
     return found.joined(replace(more, area_m2=np.zeros(len(more.part))))
 
 
-def _near(facets: Facets, parts: PartCorners) -> tuple[np.ndarray, np.ndarray]:
+def _near(facets: Facets, parts: Parts) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs (2, n) of a part and a facet that are near each other, and which of them `_lie_behind` finds."""
-    low, high = parts.boxes()
+    low, high = parts.boxes_m
     pairs, behind = [np.zeros((2, 0), int)], [np.zeros(0, bool)]
     for start in range(0, len(parts), _AT_ONCE):
         rows = slice(start, start + _AT_ONCE)
@@ -113,15 +114,15 @@ def _near(facets: Facets, parts: PartCorners) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(pairs, axis=1), np.flatnonzero(np.concatenate(behind))
 
 
-def _lie_behind(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
+def _lie_behind(facets: Facets, parts: Parts, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
     """Return which parts (n,) lie behind the planes of facets with a face on it."""
-    depth, starts = _depths(facets, parts, part, facet), parts.rows(part)[1]
+    depth, starts = _depths(facets, parts, part, facet), rows_of(parts, part)[1]
     on = np.add.reduceat((np.abs(depth) < ON_PLANE_M).astype(int), starts)
     found: np.ndarray = (np.minimum.reduceat(depth, starts) > -ON_PLANE_M) & (on > 2)
     return found
 
 
-def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray) -> PartFaces:
+def _faces(facets: Facets, parts: Parts, part: np.ndarray, plane: np.ndarray, facet: np.ndarray) -> PartFaces:
     """Return the faces of parts on the planes of some facets, and what they cover of others along their normals."""
     order = np.argsort(facet, kind="stable")
     first = np.append(np.flatnonzero(np.diff(facet[order], prepend=-1)), len(order))
@@ -135,11 +136,11 @@ def _faces(facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarr
 
 
 def _faces_of(
-    facets: Facets, parts: PartCorners, part: np.ndarray, plane: np.ndarray, facet: np.ndarray
+    facets: Facets, parts: Parts, part: np.ndarray, plane: np.ndarray, facet: np.ndarray
 ) -> tuple[np.ndarray, ...]:
     """Return the last columns of `PartFaces`."""
     ways, middles = across(facets.normals[facet]), facets.corners[facet].mean(axis=1)
-    rows, starts = parts.rows(part)
+    rows, starts = rows_of(parts, part)
     pair = np.repeat(np.arange(len(part)), np.diff(np.append(starts, len(rows))))
     depth = _depths(facets, parts, part, plane)
     on = np.abs(depth) < ON_PLANE_M
@@ -166,9 +167,9 @@ def polygons_shared(some: np.ndarray, others: np.ndarray) -> np.ndarray:
     return shared
 
 
-def _depths(facets: Facets, parts: PartCorners, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
+def _depths(facets: Facets, parts: Parts, part: np.ndarray, facet: np.ndarray) -> np.ndarray:
     """Return how deep (r,) m each corner of some parts is behind the plane of the part's facet."""
-    rows, starts = parts.rows(part)
+    rows, starts = rows_of(parts, part)
     number = np.repeat(facet, np.diff(np.append(starts, len(rows))))
     found: np.ndarray = np.einsum("nk,nk->n", parts.corners[rows] - facets.corners[number, 0], facets.normals[number])
     return found

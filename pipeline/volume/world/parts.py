@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeFacets
 from pipeline.volume.rock.faces import faces_on_facets
-from pipeline.volume.rock.ragged import PartCorners
+from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.world.content import closed_volume
 
@@ -59,7 +59,7 @@ def cut_floors(parts: Parts, borders_m: Sequence[float], volume: VolumeFacets) -
         halves += range(len(corners), len(corners) + len(kept)) if len(pieces) > 1 else ()
         corners += kept
         label += [kind] * len(kept)
-    faces = faces_on_facets(closed_volume(volume), PartCorners.of([corners[k] for k in halves]))
+    faces = faces_on_facets(closed_volume(volume), parts_of([corners[k] for k in halves]))
     backs = np.ones(len(corners), bool)
     backs[np.delete(halves, faces.part)] = False
     return collect_labelled(list(compress(corners, backs)), list(compress(label, backs)))
@@ -67,13 +67,13 @@ def cut_floors(parts: Parts, borders_m: Sequence[float], volume: VolumeFacets) -
 
 def collect_labelled(corners: list[np.ndarray], label: Sequence[int]) -> Parts:
     """Return parts, each with its corners (k, 3) m and its label; of twin corners each has one."""
-    parts = _stacked(corners, label)
+    parts = parts_of(corners, label)
     twins = twin_corners(parts)
     if not len(twins):
         return parts
     kept = np.ones(len(parts.corners), bool)
     kept[twins] = False
-    return _stacked([parts[k][kept[start:end]] for k, (start, end) in enumerate(pairwise(parts.first.tolist()))], label)
+    return parts_of([parts[k][kept[start:end]] for k, (start, end) in enumerate(pairwise(parts.first.tolist()))], label)
 
 
 def twin_corners(parts: Parts) -> np.ndarray:
@@ -84,12 +84,6 @@ def twin_corners(parts: Parts) -> np.ndarray:
     number = np.repeat(np.arange(len(parts), dtype=float), np.diff(parts.first))
     apart = cKDTree(np.column_stack([parts.corners, number]))  # two parts are a metre apart
     return np.unique(apart.query_pairs(TWINS_M, output_type="ndarray").max(axis=1, initial=0))
-
-
-def _stacked(corners: list[np.ndarray], label: Sequence[int]) -> Parts:
-    first = np.concatenate([[0], np.cumsum([len(one) for one in corners])])
-    stacked = np.concatenate(corners) if corners else np.zeros((0, 3))
-    return Parts(stacked, first.astype(np.int32), np.array(label, np.int32))
 
 
 def _halves(corners: np.ndarray, border_m: float) -> list[np.ndarray]:

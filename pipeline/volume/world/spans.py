@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from minexplore.floors.volume_arrays import each_of
+
 _PLUMB = 1e-12  # m2, of a facet seen from above: its height is that of its corners
 _LEAST_M = 1e-6  # of a span
 
@@ -71,8 +73,8 @@ def _columns(
         start, stop = faces[:, k], faces[:, (k + 1) % 3]
         low, high = np.sort(np.column_stack([start, stop]).astype(np.int64), axis=1).T
         begin, end = np.minimum(first[low], first[high]), np.maximum(first[low], first[high])
-        facet = np.repeat(np.arange(len(faces)), end - begin)
-        row = begin[facet] + _count_up(end - begin)
+        facet, row = each_of(end - begin)
+        row += begin[facet]
         a, b = plan[low[facet]], plan[high[facet]]
         x = a[:, 0] + (row - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
         north = first[start] < first[stop]
@@ -80,18 +82,5 @@ def _columns(
     each = np.concatenate(sides)
     each = each[np.lexsort((each[:, 2], each[:, 1], each[:, 0]))]
     left, right = each[0::2], each[1::2]  # a row cuts none or two sides of a facet
-    count = right[:, 2] - left[:, 2]
-    return (
-        np.repeat(left[:, 0], count),
-        np.repeat(left[:, 2], count) + _count_up(count),
-        np.repeat(left[:, 1], count),
-        np.repeat(left[:, 3] == 1, count),
-    )
-
-
-def _count_up(counts: np.ndarray) -> np.ndarray:
-    """Return 0, 1, ... for each count, one after another."""
-    total = int(counts.sum())
-    ends = np.cumsum(counts)
-    found: np.ndarray = np.arange(total) - np.repeat(ends - counts, counts)
-    return found
+    owner, step = each_of(right[:, 2] - left[:, 2])
+    return left[owner, 0], left[owner, 2] + step, left[owner, 1], left[owner, 3] == 1

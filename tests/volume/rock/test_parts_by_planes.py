@@ -18,7 +18,7 @@ from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shar
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
-from pipeline.volume.rock.ragged import PartCorners
+from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
@@ -72,10 +72,10 @@ def outward_of(volume, parts):
 def test_planes_clear_every_part_that_booleans_find_in_the_rock_and_no_part_that_is_moved_into_the_drift(drift):
     volume, parts = drift
     outward = outward_of(volume, parts)
-    assert len(parts_not_cleared(volume, PartCorners.of([part.corners for part in parts]), outward)) == 0
+    assert len(parts_not_cleared(volume, parts_of([part.corners for part in parts]), outward)) == 0
     moved = [part.corners + 0.01 * way for part, way in zip(parts, outward, strict=True)]
     assert (shared_of(volume, moved) > 1e-4).all()
-    assert parts_not_cleared(volume, PartCorners.of(moved), outward).tolist() == list(range(len(parts)))
+    assert parts_not_cleared(volume, parts_of(moved), outward).tolist() == list(range(len(parts)))
 
 
 def test_a_part_in_the_middle_of_the_drift_that_touches_no_facet_intrudes_with_its_whole_volume(drift):
@@ -97,7 +97,7 @@ def test_half_a_part_covers_half_of_its_facets(drift):
     halfway = [(a * (b[0] - middle) + b * (middle - a[0])) / (b[0] - a[0]) for a in near for b in far]
     half = dataclasses.replace(largest, corners=np.concatenate([near, halfway]))
     some = [half if part is largest else part for part in parts]
-    found = faces_on_facets(volume, PartCorners.of([part.corners for part in some]))
+    found = faces_on_facets(volume, parts_of([part.corners for part in some]))
     bare = found.uncovered_m2(np.linalg.norm(volume.normals, axis=1) / 2)
     assert bare.sum() == pytest.approx(largest.area_m2 / 2, rel=0.05)
     assert bare.sum() == pytest.approx(bare_by_booleans(volume, some), rel=1e-3)
@@ -115,7 +115,7 @@ def test_a_facet_that_two_parts_cover_in_halves_is_covered(drift):
             if not half.is_empty()
         ]
     assert len(halves) > len(parts)
-    bare = faces_on_facets(volume, PartCorners.of(halves)).uncovered_m2(np.linalg.norm(volume.normals, axis=1) / 2)
+    bare = faces_on_facets(volume, parts_of(halves)).uncovered_m2(np.linalg.norm(volume.normals, axis=1) / 2)
     assert bare.sum() < 1e-6
 
 
@@ -157,14 +157,12 @@ def test_a_sliver_whose_plane_is_off_a_little_is_covered_by_the_part_behind_its_
     faces = np.vstack([np.delete(volume.faces, k, axis=0), [[a, b, m], [a, m, c], [m, b, c]]])
     label = np.append(np.delete(volume.label, k), [volume.label[k]] * 3)
     spoilt = dataclasses.replace(volume, vertices=vertices, faces=faces, label=label)
-    found = faces_on_facets(spoilt, PartCorners.of([part.corners for part in parts]))
+    found = faces_on_facets(spoilt, parts_of([part.corners for part in parts]))
     bare = found.uncovered_m2(np.linalg.norm(spoilt.normals, axis=1) / 2)
     assert bare[-3:] == pytest.approx(0, abs=1e-7)
     without = [part.corners for part in parts if part is not largest]
     assert (
-        faces_on_facets(spoilt, PartCorners.of(without))
-        .uncovered_m2(np.linalg.norm(spoilt.normals, axis=1) / 2)[-3:]
-        .min()
+        faces_on_facets(spoilt, parts_of(without)).uncovered_m2(np.linalg.norm(spoilt.normals, axis=1) / 2)[-3:].min()
         > 0
     )
 
@@ -195,7 +193,7 @@ def test_parts_that_differ_from_their_facets_in_the_last_digit_cover_them(drift)
     rng, area = np.random.default_rng(0), np.linalg.norm(volume.normals, axis=1) / 2
     for _ in range(20):
         moved = [part.corners * (1 + rng.integers(-2, 3, part.corners.shape) * 1.1e-16) for part in parts]
-        assert faces_on_facets(volume, PartCorners.of(moved)).uncovered_m2(area).sum() < 1e-4
+        assert faces_on_facets(volume, parts_of(moved)).uncovered_m2(area).sum() < 1e-4
 
 
 def test_parts_behind_facets_that_are_a_micrometre_off_one_plane_have_nothing_in_the_free_space(drift):
@@ -212,8 +210,8 @@ def test_parts_behind_facets_that_are_a_micrometre_off_one_plane_have_nothing_in
 def test_a_facet_that_one_face_covers_shares_nothing_with_others(drift):
     volume, parts = drift
     area = np.linalg.norm(volume.normals, axis=1) / 2
-    found = faces_on_facets(volume, PartCorners.of([part.corners for part in [*parts, *parts[:3]]]))
-    once = faces_on_facets(volume, PartCorners.of([part.corners for part in parts]))
+    found = faces_on_facets(volume, parts_of([part.corners for part in [*parts, *parts[:3]]]))
+    once = faces_on_facets(volume, parts_of([part.corners for part in parts]))
     assert np.bincount(once.facet, shapely.area(once.shared), len(area)) == pytest.approx(area, rel=1e-9)
     twice = np.isin(np.arange(len(area)), [k for part in parts[:3] for k in part.facets])
     shared = np.bincount(found.facet, shapely.area(found.shared), len(area))

@@ -15,11 +15,12 @@ from minexplore.bundle import MESHES, MODEL, RECORD, TOPOLOGY, BundleError, Tria
 from minexplore.floors.volume_arrays import FacetLabel
 from minexplore.sealed.files import read_folder
 from pipeline.errors import ArtifactError, MineError
+from pipeline.mjcf.scene import SpotLight
 from pipeline.proof.claims import STATED
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.store.codecs import encode
 from pipeline.store.mine_survey import WORKINGS
-from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
+from pipeline.volume.world.proof.again.relit import remake_lights
 from pipeline.volume.world.proof.again.seen import require_surveyed_plan
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.certificate import open_volume
@@ -227,7 +228,7 @@ def lit(places):
         100.0,
     )
     way = (np.cos(np.radians(20)), 0.0, -np.sin(np.radians(20)))
-    return [StatedLight((x, 0.0, 3.0), way, 45.0) for x in places], network
+    return [SpotLight((x, 0.0, 3.0), way, 45.0) for x in places], network
 
 
 def leg_of_100_m():

@@ -22,6 +22,7 @@ from pipeline.store.verify import verify_world
 from pipeline.types import ClosedMesh, DrawnFloors, Mesh, SurveyedLegs, VolumeShape
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
+from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built_length import built_lengths_m
@@ -146,9 +147,10 @@ def _against(
     """Return how the volume follows what it was made of, by group."""
     match shape:
         case SurveyedLegs():
+            network, offset = mine_network(shape, params.height_m, params.volume)
             return {
-                "survey": _survey(params, shape, world, volume),
-                "floor": floor_figures(params, shape, world.mine),
+                "survey": _survey(network, offset, shape, world, volume),
+                "floor": floor_figures(network, offset, world.mine),
                 "walls": wall_figures(shape, volume),
             }
         case ClosedMesh():
@@ -167,9 +169,10 @@ def _drawn(params: VolumeProofParams, volume: Volume, floors: DrawnFloors) -> di
     }
 
 
-def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume) -> dict[str, Any]:
+def _survey(
+    network: SurveyNetwork, offset: np.ndarray, surveyed: SurveyedLegs, world: VolumeBundle, volume: Volume
+) -> dict[str, Any]:
     """Return how much of the survey is built: of the file's legs, not of those that the bundle says it has."""
-    network, offset = mine_network(surveyed, params.height_m, params.volume)
     piece_m = float(network.lengths_m.sum())
     wanted = leg_network(network, offset, ())
     built = built_lengths_m(volume, wanted)
@@ -180,12 +183,12 @@ def _survey(params: VolumeProofParams, surveyed: SurveyedLegs, world: VolumeBund
         "built_m": round(float(built.sum()), 3),
         "share_built": round(float(built.sum()) / piece_m, 6),
         "unbuilt_m": round(float(missing.max()), 3),
-        "unbuilt_at": "leg {0.start} to {0.end}".format(wanted.legs[int(missing.argmax())]),
+        "unbuilt_at": f"leg {network.leg_name(int(missing.argmax()))}",
         "pieces": 1 + len(surveyed.pieces_m),
         "legs": len(world.legs.legs),
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
-        **width_figures(params, surveyed, world.mine),
+        **width_figures(network, offset, world.mine),
         **line_figures(network, offset, volume),
     }
 

@@ -10,20 +10,17 @@ import numpy as np
 from minesurveys.errors import first_few
 from minesurveys.remarks import warn_user
 from minexplore.floors.volume_arrays import VolumeFacets
-from pipeline.params.validation import VolumeProofParams
-from pipeline.types import SurveyedLegs
 from pipeline.volume.floor_error import measure_floor
+from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import pieces_of
 from pipeline.volume.world.content import closed_volume
-from pipeline.volume.world.topology import mine_network
 
 _MM = 1e3
 _ASSUMED = ", whose roof is assumed"
 
 
-def floor_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
-    """Return how the floors follow the survey."""
-    network, offset = mine_network(surveyed, params.height_m, params.volume)
+def floor_figures(network: SurveyNetwork, offset: np.ndarray, mine: VolumeFacets) -> dict[str, Any]:
+    """Return how the floors follow a survey's network, which an offset (3,) m moves into the mine frame."""
     about = closed_volume(dataclasses.replace(mine, vertices=mine.vertices - offset))
     about = dataclasses.replace(about, pieces=pieces_of(network))  # the first of them are the legs, by number
     found = measure_floor(about, network)

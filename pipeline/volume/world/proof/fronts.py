@@ -9,7 +9,6 @@ import shapely
 
 from minexplore.floors.volume_arrays import Parts
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
-from pipeline.volume.rock.ragged import PartCorners
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
@@ -36,14 +35,13 @@ def fronts_of(volume: Volume, parts: Parts) -> Fronts:
     Of several planes the one with the largest face counts; its area is what of facets the part is behind, as a sliver's
     plane may hold more of the part than the sliver.
     """
-    corners = PartCorners(parts.corners, parts.first.astype(np.int64))
-    faces = faces_on_facets(volume, corners)
+    faces = faces_on_facets(volume, parts)
     covered = np.bincount(faces.part, shapely.area(faces.shared), len(parts))
     area = np.minimum(faces.area_m2, covered[faces.part])
     found = [
-        ShellPart(corners[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(area[n]))
+        ShellPart(parts[k], [int(faces.facet[n])], "built", float(faces.depth_m[n]), float(area[n]))
         if n >= 0
-        else ShellPart(corners[k], [0], "built", 0.0, 0.0)
+        else ShellPart(parts[k], [0], "built", 0.0, 0.0)
         for k, n in enumerate(faces.largest(len(parts)).tolist())
     ]
     wrong = np.array([part.area_m2 > _SEEN_M2 for part in found])

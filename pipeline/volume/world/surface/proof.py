@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from minexplore.bundle import mesh_of
-from minexplore.floors.volume_arrays import FacetLabel
+from minexplore.floors.volume_arrays import FacetLabel, each_of
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.sampling import sample_triangles
@@ -103,8 +103,8 @@ def _beside_m(edges: np.ndarray, others: np.ndarray) -> float:
     if not len(edges) or not len(others):
         return float(long.sum())
     pieces = np.maximum(1, np.ceil(long / 0.25)).astype(np.int64)
-    number = np.repeat(np.arange(len(edges)), pieces)
-    share = (np.arange(len(number)) - np.repeat(np.cumsum(pieces) - pieces, pieces) + 0.5) / pieces[number]
+    number, step = each_of(pieces)
+    share = (step + 0.5) / pieces[number]
     places = edges[number, 0] + share[:, None] * (edges[number, 1] - edges[number, 0])
     on = _distance_to_edges(places, others) < _ON_EDGE_M
     return float((long / pieces)[number][~on].sum())

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,25 +26,17 @@ _WIDEST_DEG = 90.0
 _LEAST_M = 1e-9  # height of lights on the floor, which other heights are read off
 
 
-@dataclass(frozen=True)
-class StatedLight:
-    """A light of a model: place (3,) m, direction (3,), and the angle from the axis to the cone's edge, deg."""
-
-    place_m: tuple[float, ...]
-    direction: tuple[float, ...]
-    cutoff_deg: float
-
-    @classmethod
-    def of(cls, model: Path, attributes: dict[str, str]) -> Self:
-        """Return the light of an element; `ArtifactError` if it lacks a place, a direction or an angle."""
-        texts = {name: attributes.get(name, "") for name in ("pos", "dir", "cutoff")}
-        place, direction, cutoff = (numbers_in(text) or [] for text in texts.values())
-        if (len(place), len(direction), len(cutoff)) != (3, 3, 1) or not 0 < cutoff[0] <= _WIDEST_DEG:
-            raise ArtifactError(f"{model}: light: {texts}, want a place, a direction and at most {_WIDEST_DEG:g} deg")
-        return cls(tuple(place), tuple(direction), cutoff[0])
+def light_of(model: Path, attributes: dict[str, str]) -> SpotLight:
+    """Return the light of an element; `ArtifactError` if it lacks a place, a direction or an angle."""
+    texts = {name: attributes.get(name, "") for name in ("pos", "dir", "cutoff")}
+    place, direction, cutoff = (numbers_in(text) or [] for text in texts.values())
+    if (len(place), len(direction), len(cutoff)) != (3, 3, 1) or not 0 < cutoff[0] <= _WIDEST_DEG:
+        raise ArtifactError(f"{model}: light: {texts}, want a place, a direction and at most {_WIDEST_DEG:g} deg")
+    (x, y, z), (east, north, up) = place, direction
+    return SpotLight((x, y, z), (east, north, up), cutoff[0])
 
 
-def remake_lights(model: Path, stated: Sequence[StatedLight], legs: LegNetwork) -> list[SpotLight]:
+def remake_lights(model: Path, stated: Sequence[SpotLight], legs: LegNetwork) -> list[SpotLight]:
     """Return the lights as the builder places them along the legs.
 
     Pitch and cut-off angle are those of the first light, the height is the largest over the floor, and the distance is
@@ -76,8 +67,7 @@ def remake_lights(model: Path, stated: Sequence[StatedLight], legs: LegNetwork) 
         turned = float(np.abs(np.array([light.direction for light in made]) - ways).max())
         best = min(best, off) if turned <= _TURNED else best
         if off <= _OFF_M and turned <= _TURNED:
-            cutoff = stated[0].cutoff_deg
-            return [SpotLight(one.place_m, one.direction, cutoff) for one in stated]  # type: ignore[arg-type]
+            return [replace(one, cutoff_deg=stated[0].cutoff_deg) for one in stated]
     raise ArtifactError(
         f"{model}: {len(stated)} lights: not at even distances along the legs, at one height, and along them (the best "
         f"even distance leaves {best:.3f} m, want at most {_OFF_M} m)"

@@ -16,7 +16,7 @@ from pipeline.errors import ArtifactError
 from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, model_tree, part_elements, part_names
-from pipeline.volume.world.proof.again.relit import StatedLight, remake_lights
+from pipeline.volume.world.proof.again.relit import light_of, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.topology import heading_at
 
@@ -61,7 +61,7 @@ def require_same_model(folder: Path, world: VolumeBundle) -> None:
     found = _Elements(scene)
     walk_xml(MODEL, world.model, found)
     path = folder / MODEL
-    lights = [StatedLight.of(path, attributes) for tag, _, attributes in found.kept if tag == "light"]
+    lights = [light_of(path, attributes) for tag, _, attributes in found.kept if tag == "light"]
     if len(lights) != record.lights:
         raise ArtifactError(f"{path}: {len(lights)} lights, {RECORD} has {record.lights}")
     lit = remake_lights(path, lights, world.legs)

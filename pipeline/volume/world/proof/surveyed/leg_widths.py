@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import VolumeFacets, each_of
 from pipeline.geometry.raycast import RayCaster
 from pipeline.metrics.leg_widths import KEPT, SAMPLE_M
-from pipeline.params.validation import VolumeProofParams
-from pipeline.types import SurveyedLegs
-from pipeline.volume.world.topology import mine_network
+from pipeline.volume.network import SurveyNetwork
 
 _HIGH = 0.4  # of a passage's height over its floor, where its walls are plumb
 _END = 0.002  # of a leg's length, from its stations
@@ -20,21 +18,19 @@ _TOLERANCE_M = 0.004  # by which the mesh of a volume is simplified
 _NO_RUN_M = 1e-3  # in plan
 
 
-def width_figures(params: VolumeProofParams, surveyed: SurveyedLegs, mine: VolumeFacets) -> dict[str, Any]:
+def width_figures(network: SurveyNetwork, offset: np.ndarray, mine: VolumeFacets) -> dict[str, Any]:
     """Return the least share of a leg's width, and the share of the length with less than 95 % of it, less 4 mm a wall.
 
     Widths are level, square to each leg, at 40 % of its height over the floor, every 0.25 m. On either side half of the
     survey's width counts at most, so that no room on one side makes up for rock on the other. Legs over 45 deg have
-    level sections, and do not count.
+    level sections, and do not count. The network is moved by `offset` (3,) m into the mine frame.
     """
-    network, offset = mine_network(surveyed, params.height_m, params.volume)
     floors, lrud = network.floors_m + offset, network.lrud_m
     step = floors[:, 1, :2] - floors[:, 0, :2]
     run = np.linalg.norm(step, axis=1)
     rise = np.minimum(np.abs(np.diff(network.ends_m[:, :, 2])), np.abs(np.diff(floors[:, :, 2])))[:, 0]
     count = np.where(run > np.maximum(rise, _NO_RUN_M), np.maximum(3, np.ceil(run / SAMPLE_M).astype(int)), 0)
-    leg = np.repeat(np.arange(len(run)), count)
-    number = np.arange(len(leg)) - np.repeat(np.cumsum(count) - count, count)
+    leg, number = each_of(count)
     share = (_END + number / np.maximum(count[leg] - 1, 1) * (1 - 2 * _END))[:, None]
     walls = (1 - share) * lrud[leg, 0] + share * lrud[leg, 1]
     half = walls[:, :2].sum(axis=1) / 2
