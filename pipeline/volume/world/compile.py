@@ -166,9 +166,9 @@ def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) ->
     cells = cells_of(bare, params.grid_cell_m, robot)
     surveyed = legs_on_floors(cells, robot, solid.datum_m)
     network, offset = mine_network(surveyed, params.height_m, params.volume)
-    volume = mine_volume(solved, nearest_leg(solved, surveyed))
-    surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))
     network = replace(network, places_m=network.places_m + offset)
+    volume = mine_volume(solved, nearest_leg(solved, network))
+    surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))
     return _VolumeDraft(solved, volume, np.zeros(3), cells, surveyed, network, True)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -18,6 +17,7 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.network.skeleton import trace_network
 from pipeline.scans.meshes.uncrossed import arrays_of, manifold_of
 from pipeline.types import ClosedMesh, DriftNetwork, SurveyedLegs, text_array
+from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Volume
 from pipeline.volume.world.reach import RobotSize, components_of, neighbours_of
 
@@ -194,16 +194,10 @@ def _joints(cells: FloorSpans, pairs: np.ndarray, floors: np.ndarray, storey_of:
     return found
 
 
-def nearest_leg(volume: Volume, surveyed: SurveyedLegs) -> np.ndarray:
-    """Return for each facet (f,) the number of the shot between two stations that its middle is nearest to."""
-    return np.asarray(cKDTree(middles_of(surveyed)).query(volume.vertices[volume.faces].mean(axis=1))[1])
-
-
-def middles_of(surveyed: SurveyedLegs) -> np.ndarray:
-    """Return the middle (s, 3) m of each shot between two stations."""
-    starts = np.concatenate([np.arange(a, b - 1) for a, b in pairwise(surveyed.first.tolist())])
-    found: np.ndarray = (surveyed.positions_m[starts] + surveyed.positions_m[starts + 1]) / 2
-    return found
+def nearest_leg(volume: Volume, network: SurveyNetwork) -> np.ndarray:
+    """Return for each facet (f,) the number of the leg that its middle is nearest to the middle of, in one frame."""
+    middles = network.ends_m.mean(axis=1)
+    return np.asarray(cKDTree(middles).query(volume.vertices[volume.faces].mean(axis=1))[1])
 
 
 def mine_volume(volume: Volume, leg: np.ndarray) -> VolumeFacets:

@@ -176,7 +176,7 @@ def test_a_floor_facet_is_no_wall_whichever_leg_it_is_given_to(tee, opened):
         label[floor], owner[floor] = FacetLabel.WALL, leg
         changed = dataclasses.replace(opened, mine=dataclasses.replace(mine, label=label, leg=owner))
         with pytest.raises(ArtifactError, match=rf"label\[{floor}\] = {FacetLabel.WALL:d}"):
-            require_labelled(tee.bundle, changed, None, proof())
+            require_labelled(tee.bundle, changed, False, proof())
 
 
 def test_a_floor_part_in_two_zones_and_a_part_with_twin_corners_are_named(tee, opened):

@@ -79,6 +79,15 @@ def helix(turns=2.2, radius_m=8.0, rise_m=6.0, steps=24):
     return manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
 
 
+def test_a_facet_has_the_number_of_the_nearest_leg_in_the_order_of_the_network_file(tmp_path):
+    network = json.loads(compiled(helix(), tmp_path)[TOPOLOGY])
+    ends = [[network["stations_m"][leg[end]] for leg in network["legs"]] for end in ("start", "end")]
+    middles, volume = np.mean(ends, axis=0), decode(tmp_path / VOLUME, VolumeFacets)
+    apart_m = np.linalg.norm(volume.vertices[volume.faces].mean(axis=1)[:, None] - middles, axis=2)
+    assert len(middles) > 2
+    assert apart_m[np.arange(len(apart_m)), volume.leg] == pytest.approx(apart_m.min(axis=1), abs=1e-3)
+
+
 def test_a_helix_has_no_leg_through_the_rock_between_its_turns(tmp_path):
     network = json.loads(compiled(helix(), tmp_path)[TOPOLOGY])
     assert (network["loops"], network["components"]) == (0, 1)

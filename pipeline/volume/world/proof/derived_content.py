@@ -77,7 +77,7 @@ def require_remade(
         raise ArtifactError(
             f"{folder / TOPOLOGY}: {differs}, as the {'floors have' if surveyed is None else 'legs have'}"
         )
-    require_labelled(folder, world, legs if surveyed is None else None, params)
+    require_labelled(folder, world, surveyed is None, params)
     _require_figures(folder, world, surveyed, datum_m)
     require_plan(folder, world, surveyed)
     _require_start(folder, world, params)

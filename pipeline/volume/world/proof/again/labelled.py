@@ -11,11 +11,10 @@ from minexplore.bundle import PARTS, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.params.validation import VolumeProofParams
-from pipeline.types import SurveyedLegs
 from pipeline.volume.union import STEEPEST
 from pipeline.volume.world.parts import TWINS_M, twin_corners
 from pipeline.volume.world.proof.certificate import VolumeBundle
-from pipeline.volume.world.solid import labels_of, middles_of
+from pipeline.volume.world.solid import labels_of
 
 _ON_BORDER_M = 1e-3  # of zones: parts are cut to 0.1 mm
 _BESIDE_M = 2.0  # that a facet is beyond its leg's sections: floors that legs share reach as far
@@ -31,14 +30,12 @@ _BORDER = 1e-6  # of a slope: on the border of two labels rounding decides
 _EQUALLY_M = 1e-3  # by which a leg's middle may be farther from a facet than the nearest one
 
 
-def require_labelled(
-    folder: Path, world: VolumeBundle, along_floors: SurveyedLegs | None, params: VolumeProofParams
-) -> None:
+def require_labelled(folder: Path, world: VolumeBundle, is_solid: bool, params: VolumeProofParams) -> None:
     """Compare labels and legs of facets with what the builder gives them, and the parts' zones with their places.
 
-    Of a solid both follow from slope and place. Of surveyed legs a floor is on a leg to drive on and faces down, what
-    faces up on no floor is roof and the rest is wall, also ledges over and beside floors, but for slivers; nearly all
-    facets must be about their legs.
+    Of a solid, whose legs follow its floors, both follow from slope and place. Of surveyed legs a floor is on a leg to
+    drive on and faces down, what faces up on no floor is roof and the rest is wall, also ledges over and beside floors,
+    but for slivers; nearly all facets must be about their legs.
 
     Raises
     ------
@@ -47,14 +44,14 @@ def require_labelled(
     """
     mine = world.mine
     size = np.linalg.norm(mine.normals, axis=1)
-    if along_floors is None:
+    if not is_solid:
         wrong, thin = _of_legs(world, size)
         astray = _beyond_legs_m(world) > _BESIDE_M
         found = (("label", wrong, thin, _SLIVERS), ("leg", astray, astray, _ASTRAY))
     else:
         none = np.zeros(len(size), bool)
         of_slope = _off_slope(mine, size, params.volume.steepest)
-        found = (("label", of_slope, none, 0.0), ("leg", _off_leg(mine, along_floors), none, 0.0))
+        found = (("label", of_slope, none, 0.0), ("leg", _off_leg(world), none, 0.0))
     for name, wrong, excused, most in found:  # what is excused may be wrong up to a share of the surface
         some = wrong & ~excused
         if not some.any():
@@ -129,9 +126,10 @@ def _off_slope(mine: VolumeFacets, size: np.ndarray, steepest: float) -> np.ndar
     return found
 
 
-def _off_leg(mine: VolumeFacets, along_floors: SurveyedLegs) -> np.ndarray:
+def _off_leg(world: VolumeBundle) -> np.ndarray:
     """Return which facets (f,) are nearer to the middle of another leg than to that of their own."""
-    middles, places = middles_of(along_floors), mine.vertices[mine.faces].mean(axis=1)
+    mine = world.mine
+    middles, places = _ends_m(world).mean(axis=0), mine.vertices[mine.faces].mean(axis=1)
     if int(mine.leg.max()) >= len(middles):
         return mine.leg >= len(middles)
     own = np.linalg.norm(places - middles[mine.leg], axis=1)
@@ -139,11 +137,17 @@ def _off_leg(mine: VolumeFacets, along_floors: SurveyedLegs) -> np.ndarray:
     return found
 
 
+def _ends_m(world: VolumeBundle) -> np.ndarray:
+    """Return the stations (2, n, 3) m at the start and the end of each leg, as the bundle numbers legs."""
+    stations = world.legs.stations_m
+    return np.array([[stations[getattr(leg, end)] for leg in world.legs.legs] for end in ("start", "end")])
+
+
 def _beyond_legs_m(world: VolumeBundle) -> np.ndarray:
     """Return how much farther (f,) m the nearest corner of each facet is from its leg than the leg's sections reach."""
-    mine, legs = world.mine, world.legs
-    ends = [np.array([legs.stations_m[getattr(leg, end)] for leg in legs.legs])[mine.leg] for end in ("start", "end")]
-    reach = np.array([np.abs(leg.lrud_m).max() for leg in legs.legs])[mine.leg]
+    mine = world.mine
+    ends = _ends_m(world)[:, mine.leg]
+    reach = np.array([np.abs(leg.lrud_m).max() for leg in world.legs.legs])[mine.leg]
     way, apart = (ends[1] - ends[0])[:, None], mine.vertices[mine.faces] - ends[0][:, None]
     share = np.clip((apart * way).sum(axis=2) / np.maximum((way * way).sum(axis=2), _EQUALLY_M**2), 0, 1)
     found: np.ndarray = np.linalg.norm(apart - share[:, :, None] * way, axis=2).min(axis=1) - reach
