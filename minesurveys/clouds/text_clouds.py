@@ -21,6 +21,7 @@ _HEAD_BYTES = 10_000  # of the first line
 _COUNT_CHARACTERS = 20
 _COUNTED = 20  # rows
 _BETWEEN = re.compile(r"[,;\s]+")
+_POCKETTOPO = re.compile(r".*\((?:m|ft), (?:360|400)\)")  # the first line of its text: name, unit, degrees of a circle
 _AXES = ("easting", "northing", "elevation")
 _COLUMNS = ["x", "y", "z"]  # of rows without names
 _DAT_COLUMNS = ["time", *_COLUMNS, "intensity"]
@@ -150,6 +151,10 @@ def _layout(path: Path, head: list[str], wanted: Wanted) -> TextLayout:
     delimiter = _delimiter(row.strip())
     is_count = suffix == ".pts" and len(words) == 1
     if above and not is_count and suffix != ".dat" and named is None:
+        if _POCKETTOPO.fullmatch(head[0].strip()):
+            raise InputError(
+                f"{path}: shots that PocketTopo exports, no points; Therion's editor imports it: give the .th"
+            )
         raise InputError(f"{path}:1: {head[0].strip()[:60]!r} is no row of numbers, and does not name x, y and z")
     has_colours = is_count and len(row.split(delimiter)) == len(_PTS_COLUMNS)
     unnamed = _DAT_COLUMNS if suffix == ".dat" else _PTS_COLUMNS if has_colours else _COLUMNS

@@ -64,7 +64,8 @@ def to_survex(path: Path) -> SurvexText:
     Raises
     ------
     InputError
-        If a line cannot be read, or the shots exceed `survex_shots`. The message names the file and the line.
+        If a line cannot be read, there are no shots, or they exceed `survex_shots`. The message names the file and the
+        line.
 
     References
     ----------
@@ -93,6 +94,8 @@ def to_survex(path: Path) -> SurvexText:
                 )
             users.add(file, shots)
             _add_survey(made, survey, [shot for shot in shots if _EXCLUDED not in shot.flags], bool(base))
+    if not count:
+        raise InputError(f"{path}: holds no shots of Compass; of a network of nodes and links, give NAME_nodes.dat")
     users.warn(path)
     return made
 

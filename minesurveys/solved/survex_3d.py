@@ -69,8 +69,8 @@ def _read_header(cursor: Cursor) -> _Header:
     if named != _VERSION:
         name = named[:12].decode("latin-1")
         raise InputError(
-            f"{cursor.path}: .3d version {name!r}; v8 is read, which Survex writes since 2013: solve the .svx again, "
-            "or Survex's survexport converts the file to Compass's .plt"
+            f"{cursor.path}: .3d version {name!r}; v8 is read, which Survex since 2013 and Therion 6 write: solve the "
+            "survey again, give the .lox that Therion wrote, or Survex's survexport converts the file to Compass's .plt"
         )
     texts = cursor.line().split(b"\0")
     title = texts[0][:1000].decode("utf-8", "replace")

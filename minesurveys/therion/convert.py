@@ -18,7 +18,7 @@ from minesurveys.therion.place import Place, System, cs_for_survex, place_of
 from minesurveys.therion.project import project_lines
 from minesurveys.therion.quantities import Grades, Quantities, deviations, grades_of
 from minesurveys.therion.shots import ReadingOrder, Shots
-from minesurveys.therion.words import SKIPPED_BLOCKS, changed_flags, require_name
+from minesurveys.therion.words import SKIPPED_BLOCKS, changed_flags, require_name, station_for_survex
 
 _IGNORED_IN_CENTRELINE = {
     "team", "date", "explo-date", "explo-team", "instrument", "instruments", "copyright", "title", "mark", "walls",
@@ -177,7 +177,7 @@ class _Converter:
         if len(self.surveys) >= reader_limits().survex_depth:
             most = reader_limits().survex_depth
             raise InputError(f"{line.where}: surveys are nested more than {most} deep (survex_depth in {FILE})")
-        survey = _Survey(require_name(line.where, line.words[1]))
+        survey, entrance = _Survey(require_name(line.where, line.words[1])), ""
         options = list(line.words[2:])
         while options:
             option = options.pop(0)
@@ -188,8 +188,12 @@ class _Converter:
                 survey.is_named = value != "off"
             elif option == "-declination":
                 survey.declination = declination_of(line.where, [value])
+            elif option == "-entrance":
+                entrance = value
         self.surveys.append(survey)
         self.made.add(line, f"*begin {written_survey(survey.name)}" if survey.is_named else "*begin")
+        if entrance:
+            self.made.add(line, f"*entrance {station_for_survex(line.where, entrance)}")
 
     def _endsurvey(self, line: TherionLine) -> None:
         if not self.surveys or (len(line.words) > 1 and line.words[1] != self.surveys[-1].name):

@@ -56,8 +56,7 @@ def _lines(path: Path, folder: Path, files: list[Path], above: list[Path]) -> It
         if word not in _INPUTS or line.words == ("source",):  # alone, it begins lines of a survey up to endsource
             yield line
             continue
-        if len(line.words) > 1 and line.words[1].lower().endswith(_DRAWINGS):
-            inside(line.where, line.words[1], path.parent, folder)
+        if len(line.words) > 1 and line.words[1].lower().endswith(_DRAWINGS):  # never opened: it may lie anywhere
             continue
         file = named_file(line, folder)
         if file.resolve() in [one.resolve() for one in (*above, path)]:

@@ -165,7 +165,7 @@ def _detect_vector(path: Path, stated: StatedOptions, rules: FloorRules) -> Dete
     hand_on(remarks_of[unit])
     read, place = tried[unit], tried[unit].georeference
     unit = unit or (None if content.unit or place.crs else "m")  # a guess is listed
-    if not has_levels and read.width_m > WIDTHS_M[1]:
+    if not has_levels and not WIDTHS_M[0] <= read.width_m <= WIDTHS_M[1]:
         warn_of_crossings(path, content)
     values = {
         "kind": "vector",

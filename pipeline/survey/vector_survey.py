@@ -11,11 +11,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from minesurveys.errors import NAMED, InputError, one_line
+from minesurveys.errors import InputError, one_line
 from minesurveys.formats import files_of
 from minesurveys.frames import METRIC, Georeference
 from minesurveys.reading import read_shapes
-from minesurveys.remarks import warn_user
 from minesurveys.solved.model import SolvedSurvey
 from minesurveys.vector.geojson import read_geojson
 from minesurveys.vector.level_fields import level_elevations, warn_of_overlaps
@@ -42,7 +41,7 @@ from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector.enclosed import workings_of
-from pipeline.survey.vector.plan_doubts import refusal_of_layers
+from pipeline.survey.vector.plan_doubts import refusal_of_layers, warn_of_layers
 from pipeline.survey.whole_survey import (
     built_piece,
     footprint,
@@ -112,16 +111,8 @@ def _read_walls(params: VectorSurveyParams, content: Shapes | None) -> MineReadi
     if params.piece is not None:
         raise InputError(f"{path}: survey.piece is read with levels over each other; this drawing is read as one plan")
     content, shapes = content.only(found.is_wall), list(compress(shapes, found.is_wall))
-    layers = list(dict.fromkeys(content.layer_of))
-    if params.layers is None and len(layers) > 1 and path.suffix.lower() == ".gpkg":
-        names = ", ".join(one_line(name, 40) for name in layers[:NAMED])
-        warn_user(
-            f"layers are read as one plan ({names})",
-            of=path.name,
-            count=len(layers),
-            option="--layer",
-            advice="--layer chooses",
-        )
+    if params.layers is None and path.suffix.lower() == ".gpkg":
+        warn_of_layers(path, content)
     heights = wall_heights(path, content, shapes, georeference, params.no_elevation is None, params)
     try:
         workings = workings_of(path, shapes, params.snap_m, list(params.seeds_m))
@@ -155,6 +146,8 @@ def _read_centrelines(params: CentrelineSurveyParams, content: Shapes | None) ->
     content = content or read_shapes(path, params.layers, params.level_by, params.no_elevation)
     content = with_heights(path, content, params.unit)
     elevations = _elevations_of(path, content, params)
+    if params.layers is None and not elevations:
+        warn_of_layers(path, content)
     survey, georeference = read_centrelines(
         path, content, params.unit, params.origin, params.snap_m, elevations, params.no_elevation is None, params
     )

@@ -61,6 +61,7 @@ def test_a_table_of_stations_is_no_table_of_points(tmp_path):
     ("text", "message"),
     [
         ("east of here\n1 2 3\n", r"a\.txt:1: 'east of here' is no row of numbers, and does not name x, y and z"),
+        ("adit   (m, 360)\n\n[1]: 2017/08/04\n", r"a\.txt: shots that PocketTopo exports, .*: give the \.th$"),
         ("x y z\n1 2 3\n1 2\n", r"a\.txt:3: 2 columns, at least 3 are needed"),
         ("1,5 2,5 3,5\n4 5 6\n", r"a\.txt:1: '5 2' is not a number"),
         ("1,5;2,5;3,5\n4;5;6,x\n", r"a\.txt:2: '6.x' is not a number"),

@@ -83,21 +83,17 @@ def _open_ends(walls: list[LineString]) -> np.ndarray:
 
 def _joints(walls: list[LineString], snap_m: float) -> list[LineString]:
     """Return a line from every open end to the nearest wall within `snap_m`."""
-    joints, tree = [], shapely.STRtree(walls)
-    for place in _open_ends(walls):
-        end = shapely.Point(place)
-        best: tuple[float, LineString] | None = None
-        for i in tree.query(end.buffer(snap_m)).tolist():
-            wall = walls[i]
-            if (
-                min(end.distance(shapely.Point(wall.coords[k])) for k in (0, -1)) < 1e-5
-            ):  # its own wall: join only to the other end
-                wall = shapely.Point(wall.coords[-1 if end.distance(shapely.Point(wall.coords[0])) < 1e-5 else 0])
-            line = shapely.shortest_line(end, wall)
-            if line.length <= snap_m and (best is None or line.length < best[0]):
-                best = line.length, line
-        if best is not None and best[0] > 0:
-            joints.append(best[1])
+    joints, tree, of = [], shapely.STRtree(walls), np.array(walls, dtype=object)
+    first, last = shapely.get_point(of, 0), shapely.get_point(of, -1)
+    for end in shapely.points(_open_ends(walls)):
+        near = tree.query(end.buffer(snap_m))
+        begins, stops = (shapely.distance(end, ends[near]) < 1e-5 for ends in (first, last))
+        # its own wall: join only to the other end
+        targets = np.where(begins, last[near], np.where(stops, first[near], of[near]))
+        lengths = shapely.distance(end, targets)
+        nearest = int(lengths.argmin()) if len(lengths) else 0
+        if len(lengths) and 0 < lengths[nearest] <= snap_m:
+            joints.append(shapely.shortest_line(end, targets[nearest]))
     return joints
 
 

@@ -63,14 +63,20 @@ def read_centrelines(
     Raises
     ------
     InputError
-        If the file holds polygons or no lines, an elevation is missing or beyond 10 km, or a limit is exceeded; the
-        message names the place.
+        If the file holds polygons or no lines, an elevation is missing or beyond 10 km, all lines fall on one place,
+        or a limit is exceeded; the message names the place.
     """
     lines, flags, georeference = _lines(path, content, unit, origin, elevations_m or {})
     if is_checked:
         require_elevations(path, np.concatenate(lines), "lines")
     lines = _crossed(path, lines, [] if elevations_m else content.fields, rules)
+    drawn_m = np.ptp(np.concatenate(lines)[:, :2], axis=0).max()
     lines, kept = _joined(path, lines, snap_m)
+    if not lines:
+        raise InputError(
+            f"{path}: nothing is left of its lines, which span {drawn_m:.2f} m, read in {georeference.unit}: ends "
+            f"nearer than {snap_m:g} m are one place; --unit states another unit, --snap M another distance"
+        )
     require_at_most(path, sum(map(len, lines)), "stations", "points of lines")
     places = np.concatenate(lines)
     starts = np.cumsum([0, *map(len, lines)])

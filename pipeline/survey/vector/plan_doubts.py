@@ -86,6 +86,26 @@ def warn_of_crossings(path: Path, content: Shapes) -> None:
         )
 
 
+def warn_of_layers(path: Path, content: Shapes) -> None:
+    """Warn that several layers are read, with the share of each of the length of all lines: some may be no drifts."""
+    lengths = shapely.length(content.shapes)
+    sums: dict[str, float] = {}
+    for name, length in zip(content.layer_of, lengths.tolist(), strict=False):
+        sums[name] = sums.get(name, 0.0) + length
+    if len(sums) < 2:
+        return
+    percent = 100 / (sum(sums.values()) or 1.0)
+    order = sorted(sums, key=lambda name: -sums[name])
+    listed = [f"{one_line(name, 40) or 'no name'} {percent * sums[name]:.0f} %" for name in order]
+    warn_user(
+        f"layers are read as one plan (of the length of their lines: {first_few(listed)})",
+        of=path.name,
+        count=len(sums),
+        option="--layer",
+        advice="--layer chooses",
+    )
+
+
 def _single_lines(content: Shapes) -> list[shapely.Geometry]:
     return [line for line in content.shapes if shapely.get_dimensions(line) == 1]
 

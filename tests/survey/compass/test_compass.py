@@ -233,3 +233,10 @@ def test_a_project_without_a_fixed_station_is_read(tmp_path, capsys, head, place
     np.testing.assert_allclose(at["a"], place, atol=0.011)
     assert np.linalg.norm(at["c"] - at["a"]) == pytest.approx(np.hypot(30.48, 30.48), abs=0.02)
     assert remark in capsys.readouterr().err
+
+
+@needs_cavern
+@pytest.mark.parametrize("text", ["1 2\n2 3\n", "set plan 1\n", "Cave\r\nSURVEY NAME: A\r\n\f\r\n"])
+def test_a_file_without_a_shot_is_refused_as_none_of_compass(tmp_path, text):
+    with pytest.raises(InputError, match=r"a_links\.dat: holds no shots of Compass; .* NAME_nodes\.dat"):
+        solve_file(write(tmp_path, {"a_links.dat": text}))

@@ -48,7 +48,7 @@ def test_a_solved_file_gives_stations_legs_and_cross_sections(tmp_path):
 
 
 def test_a_file_of_an_earlier_version_is_refused_with_what_converts_it(tmp_path):
-    with pytest.raises(InputError, match=r"\.3d version 'v7'; v8 is read, .*survexport"):
+    with pytest.raises(InputError, match=r"\.3d version 'v7'; v8 is read, .*\.lox .*survexport"):
         read_3d(write(tmp_path, {"old.3d": head(7)}))
 
 

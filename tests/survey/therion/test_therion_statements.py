@@ -8,7 +8,7 @@ import pyproj
 import pytest
 
 from minesurveys.solved.survex_3d import read_3d
-from minesurveys.solved_surveys import solve_file
+from minesurveys.solved_surveys import entrances_of, solve_file
 from tests.project import ROOT
 from tests.solved import position_of
 
@@ -221,3 +221,18 @@ def test_a_grade_of_the_project_itself_weighs_and_an_unknown_one_is_listed(tmp_p
     assert np.abs(moved).max() < 0.02  # the rough shots take the misclosure
     solved(tmp_path, f"grade none-such\n{SHOTS}")
     assert "grade none-such is not defined" in capsys.readouterr().err
+
+
+def test_the_entrance_that_a_survey_states_is_one_as_in_therion(tmp_path):
+    inner = f"survey b -entrance 2@c\nsurvey c\ncentreline\n{SHOTS}endcentreline\nendsurvey\nendsurvey\n"
+    text = f'survey a -entrance 3 -title "A"\n{inner}centreline\n{SHOTS}endcentreline\nequate 1 1@c.b\nendsurvey\n'
+    (tmp_path / "m.th").write_text(text)
+    assert sorted(entrances_of(solve_file(tmp_path / "m.th"))) == ["a.3", "a.b.c.2"]
+
+
+def test_a_drawing_is_not_opened_and_may_lie_outside_the_survey_s_folder(tmp_path):
+    text = f"survey m\ninput ../drawn/plan.th2\ncentreline\n{SHOTS}endcentreline\nendsurvey\n"
+    (tmp_path / "m.th").write_text(text)
+    survey = solve_file(tmp_path / "m.th")
+    assert len(survey.legs) == 2
+    assert survey.files == (tmp_path / "m.th",)

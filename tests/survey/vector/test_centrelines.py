@@ -185,3 +185,30 @@ def test_a_point_without_an_elevation_between_others_is_refused_with_its_place()
 def test_lines_without_elevations_lie_at_0():
     places, _ = joined([(0, 0), (30, 5), (60, 0)])
     assert (places[:, 2] == 0).all()
+
+
+def test_lines_that_all_fall_on_one_place_are_refused_with_their_span_and_the_unit(tmp_path):
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 4  # mm of paper: 0.2 x 0.1 m
+    for line in ([(0, 0), (200, 0)], [(200, 0), (200, 100)]):
+        drawing.modelspace().add_lwpolyline(line)
+    drawing.saveas(tmp_path / "a.dxf")
+    with pytest.raises(
+        InputError, match=r"a\.dxf: nothing is left of its lines, which span 0\.20 m, read in mm: .*--unit"
+    ):
+        drawn(tmp_path / "a.dxf")
+    assert drawn(tmp_path / "a.dxf", unit="m").workings is not None
+
+
+def test_the_share_of_each_layer_is_listed_where_several_are_read_as_centrelines(tmp_path, capsys):
+    drawing = ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    for layer, x in (("CentreLine", 40), ("Grid", 120)):
+        drawing.modelspace().add_line((0, 0), (x, 0), dxfattribs={"layer": layer})
+    drawing.saveas(tmp_path / "a.dxf")
+    drawn(tmp_path / "a.dxf")
+    assert "a.dxf: 2 layers are read as one plan (of the length of their lines: Grid 75 %, CentreLine 25 %)" in (
+        capsys.readouterr().err
+    )
+    drawn(tmp_path / "a.dxf", layers=["CentreLine"])
+    assert "layers are read" not in capsys.readouterr().err

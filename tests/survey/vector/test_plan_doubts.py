@@ -5,8 +5,10 @@ import pytest
 import shapely
 from shapely import LineString
 
+from minesurveys.remarks import collect_remarks
 from minesurveys.vector.shapes import Shapes
 from pipeline.errors import InputError
+from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 
@@ -83,3 +85,12 @@ def test_lines_that_cross_are_counted_with_the_option_for_centrelines_and_that_f
     walls = [LineString(part) for part in ([(0, 0), (9, 0)], [(9, 0), (9, 9)], [(9, 9), (0, 9)], [(0, 9), (0, 0)])]
     warn_of_crossings(tmp_path / "room.geojson", Shapes(walls, "m"))
     assert capsys.readouterr().err == ""
+
+
+def test_centrelines_that_are_read_as_walls_of_narrow_drifts_are_named_as_such(tmp_path):
+    legs = [[(0, 0), (9, 0)], [(9, 0), (9, 0.4)], [(9, 0.4), (0, 0.2)], [(0, 0.2), (0, 0)], [(4, -0.2), (4, 0.6)]]
+    path = tmp_path / "legs.geojson"
+    path.write_text('{"note": "metres", ' + shapely.to_geojson(shapely.MultiLineString(legs))[1:])
+    with collect_remarks() as remarks:
+        detect_survey(path, StatedOptions(unit="m"))
+    assert any("pairs of its lines cross each other, as centrelines do" in remark.what for remark in remarks)
