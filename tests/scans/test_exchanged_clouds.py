@@ -1,11 +1,13 @@
 """Scans as PTX, and trees of OctoMap."""
 
 import numpy as np
+import pyoctomap
 import pytest
 import rasterio
 import rasterio.shutil
 from rasterio.transform import from_origin
 
+from benchmarks.fuzzing.clouds import ptx_text, seen_drift
 from minesurveys.clouds.cloud_formats import read_blocks
 from minesurveys.clouds.point_blocks import PLACES, Wanted
 from minesurveys.height_raster import read_raster
@@ -79,22 +81,9 @@ def test_a_broken_ptx_file_is_refused_with_the_line(tmp_path, text, message):
         read(tmp_path / "a.ptx", text)
 
 
-def drift_tree(octomap, resolution=0.1):
-    """Return a tree of a drift of 10 x 4 x 3 m that a scanner saw from its middle line."""
-    tree, rng = octomap.OcTree(resolution), np.random.default_rng(0)
-    low, high = np.array([0, -2, 0.0]), np.array([10, 2, 3.0])
-    for along in np.arange(0.5, 10, 1.0):
-        place = np.array([along, 0, 1.5])
-        rays = rng.normal(size=(6000, 3))
-        reach = np.where(rays > 0, (high - place) / rays, (low - place) / rays).min(axis=1)
-        tree.insertPointCloud(place + rays * reach[:, None], place)
-    tree.updateInnerOccupancy()
-    return tree
-
-
 @pytest.fixture(scope="module")
 def tree():
-    return drift_tree(pytest.importorskip("pyoctomap", reason="pyoctomap is not installed"))
+    return seen_drift()
 
 
 @pytest.mark.parametrize("suffix", [".bt", ".ot"])
@@ -125,8 +114,7 @@ def test_the_free_space_of_a_tree_is_built_as_that_of_a_scan(tmp_path, tree):
 
 
 def test_a_leaf_of_many_voxels_has_those_on_its_faces(tmp_path):
-    octomap = pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
-    tree = octomap.OcTree(0.5)
+    tree = pyoctomap.OcTree(0.5)
     for x in np.arange(4) * 0.5 + 0.25:
         for y in np.arange(4) * 0.5 + 0.25:
             for z in np.arange(4) * 0.5 + 0.25:
@@ -157,7 +145,6 @@ def test_a_tree_that_is_cut_off_is_refused(tmp_path, tree, suffix):
     ],
 )
 def test_a_file_that_is_no_tree_is_refused_by_what_it_is(tmp_path, data, message):
-    pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
     (tmp_path / "a.bt").write_bytes(data)
     with pytest.raises(InputError, match=message):
         read(tmp_path / "a.bt")
@@ -165,9 +152,11 @@ def test_a_file_that_is_no_tree_is_refused_by_what_it_is(tmp_path, data, message
 
 @pytest.mark.parametrize(("suffix", "said"), [(".ptx", "its format counts in metres, 14"), (".xyz", "states no unit")])
 def test_formats_that_count_in_metres_are_no_guess(tmp_path, suffix, said):
-    rows = [f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in noisy(sampled(drift()))]
-    head = [str(len(rows)), "1", "0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 0 0 0", "0 1 0 0", "0 0 1 0", "0 0 0 1"]
-    (tmp_path / f"a{suffix}").write_text("\n".join([*(head if suffix == ".ptx" else []), *rows]) + "\n")
+    points = noisy(sampled(drift()))
+    if suffix == ".ptx":
+        (tmp_path / "a.ptx").write_text(ptx_text(points))
+    else:
+        np.savetxt(tmp_path / "a.xyz", points, "%.3f")
     with collect_remarks() as remarks:
         detect_survey(tmp_path / f"a{suffix}", StatedOptions())
     assert any(said in remark.line() for remark in remarks)
@@ -175,7 +164,6 @@ def test_formats_that_count_in_metres_are_no_guess(tmp_path, suffix, said):
 
 def test_a_terrain_is_read_as_the_geotiff_that_the_refusal_asks_for(tmp_path):
     """GDAL writes both formats; it is what `gdal_translate` calls."""
-    pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
     heights = np.full((40, 40), 400, np.int16)
     size = {"height": 40, "width": 40, "count": 1, "dtype": "int16", "crs": "EPSG:32632"}
     with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", transform=from_origin(5e5, 5e6, 1, 1), **size) as file:

@@ -7,39 +7,16 @@ import subprocess
 import numpy as np
 import pytest
 
+from benchmarks.fuzzing.surveys import WALLS
 from minesurveys.solved_surveys import solve_file, survey_files
 from minesurveys.walls.project import copy_of
 from minesurveys.walls.sections import _passages
 from pipeline.errors import InputError
 from tests.solved import position_of, read_passages
 
-SHOTS = "#units meters order=dav\n#fix A 100 200 30\nA B 10 90 0 <1,2,3,4>\nB C 5 0 90\n"
-PROJECT = """.BOOK\tA mine
-.NAME\tmine
-.STATUS\t7
-.BOOK\tNorth
-.NAME\tNORTH
-.PATH\tSub\\North
-.SURVEY\tThe main drift
-.NAME\tMAIN
-.STATUS\t8
-.SURVEY\tPictures
-.NAME\tpictures.zip
-.STATUS\t65536
-.SURVEY\tOld
-.NAME\told
-.STATUS\t2
-.ENDBOOK
-.SURVEY\tGone
-.NAME\tgone
-.PATH\tnowhere
-.STATUS\t8
-.SURVEY\tSouth
-.NAME\tsouth
-.STATUS\t8
-.ENDBOOK
-"""
-FILES = {"mine.wpj": PROJECT, "sub/north/main.srv": SHOTS, "south.srv": "#units meters\nC D 7 0 0\n"}
+SHOTS = WALLS["sub/north/main.srv"].decode()
+PROJECT = WALLS["mine.wpj"].decode()
+FILES = {name: data.decode() for name, data in WALLS.items()}
 
 
 def version():
