@@ -190,6 +190,95 @@ def test_an_omf_project_is_read_in_its_unit_from_its_origins_with_what_is_not_re
     assert remarks == "a.omf: its triangulated surfaces are read; PointSet are not"
 
 
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("Feet", 0.3048), ("inches", 0.0254), ("us-ft", 1200 / 3937), ("USSurveyFoot", 1200 / 3937)]
+)
+def test_a_unit_of_an_omf_project_has_the_names_that_programs_write(tmp_path, unit, metres):
+    vertices, faces, _ = crossing_tunnels()
+    found, _ = read(written(write_omf, tmp_path / "a.omf", vertices / metres, faces, unit))
+    np.testing.assert_allclose(metres_of(found), vertices, atol=1e-9)
+
+
+def test_an_omf_project_in_a_unit_of_no_length_is_refused(tmp_path):
+    vertices, faces, _ = crossing_tunnels()
+    with pytest.raises(InputError, match=r"its unit is 'degrees', which is none of length"):
+        read(written(write_omf, tmp_path / "a.omf", vertices, faces, "degrees"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('stride="3"', 'stride="nan"', r"<accessor> stride is 'nan'; want 1 whole numbers"),
+        ('stride="3"', 'stride="1e300"', r"<accessor> stride is '1e300'; want 1 whole numbers"),
+        ('stride="3"', f'stride="{2**62}"', rf"<accessor> has stride {2**62} and offset 0"),
+        ('<input offset="0"', '<input offset="-1"', r"<triangles> has inputs of offsets \[-1\]; want 0 or more"),
+        ("<p>", "<p>1.7 1 2 ", r"<triangles> is '1\.7 1 2 .*; want whole numbers"),
+        ("<p>", "<p>99999999999999999999 1 2 ", r"<triangles> is '9999.*; want whole numbers"),
+        ("<p>", "<p>0 ", r"<triangles> lists \d+ numbers, of 3 each"),
+        ('places-array">', 'places-array">7 ', r"<float_array> states \d+ numbers and has \d+"),
+        ('<float_array count="', '<float_array count="99999999', r"<float_array> states 99999999\d+ numbers and has"),
+    ],
+)
+def test_a_number_of_a_collada_file_that_would_move_all_behind_it_is_refused(tmp_path, old, new, message):
+    vertices, faces, _ = crossing_tunnels()
+    path = written(write_collada, tmp_path / "a.dae", vertices, faces)
+    assert path.read_text().count(old) == 1
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError, match=message):
+        read(path)
+
+
+def instanced(path, vertices, faces, kinds, places, prototype=""):
+    """Write a mesh by usd-core, and an instancer whose prototype has it."""
+    text = written(write_usd, path, vertices, faces).read_text()
+    text = text[: text.index('def Xform "Above"')].replace('def "Rock"', 'class "Rock"')
+    path.write_text(
+        f"""{text}
+def PointInstancer "Field"
+{{
+    int[] protoIndices = {kinds}
+    point3f[] positions = {places}
+    rel prototypes = </Field/Kind>
+    def Xform "Kind"
+    {{
+        def Xform "Part" (
+            instanceable = true
+            references = </Rock>
+        )
+        {{
+        }}
+        {prototype}
+    }}
+}}
+"""
+    )
+    return path
+
+
+def test_instances_of_a_usd_prototype_that_is_an_instance_itself_are_read(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    cone = 'def Cone "Mark"\n{\n}'
+    found, remarks = read(instanced(tmp_path / "a.usda", vertices, faces, [0, 0], [(0, 0, 0), (0, 0, 20)], cone))
+    assert trimesh.Trimesh(found.vertices, found.faces).volume == pytest.approx(2 * volume, rel=1e-5)
+    assert found.vertices[:, 2].max() == pytest.approx(vertices[:, 2].max() + 20)
+    assert remarks == "a.usda: not read: 1 Cone of an instance"
+
+
+@pytest.mark.parametrize(("kinds", "places"), [([0, 0], [(0, 0, 0)]), ([5], [(0, 0, 0)]), ([-1], [(0, 0, 0)])])
+def test_instances_of_a_usd_file_that_do_not_fit_its_prototypes_are_refused(tmp_path, kinds, places):
+    vertices, faces, _ = crossing_tunnels()
+    with pytest.raises(InputError, match=r"/Field: its instances, places and prototypes do not fit each other"):
+        read(instanced(tmp_path / "a.usda", vertices, faces, kinds, places))
+
+
+def test_a_usd_file_with_another_axis_up_than_usd_has_is_refused(tmp_path):
+    vertices, faces, _ = crossing_tunnels()
+    path = written(write_usd, tmp_path / "a.usda", vertices, faces)
+    path.write_text(path.read_text().replace('upAxis = "Z"', 'upAxis = "X"'))
+    with pytest.raises(InputError, match=r"a\.usda: upAxis is 'x'; want Y or Z"):
+        read(path)
+
+
 def test_a_unit_without_a_name_is_read_in_metres_and_listed(tmp_path):
     vertices, faces, _ = crossing_tunnels()
     found, remarks = read(written(write_collada, tmp_path / "a.dae", vertices / 0.5, faces, 0.5, "Z_UP"))
