@@ -67,7 +67,11 @@ def test_each_scan_of_a_ptx_file_has_its_own_transformation(tmp_path):
     [
         (SCAN.replace("1.666666 2.666666 3.666 0.678\n", ""), r":18: the file ends within a scan; it is cut off"),
         (SCAN.replace("3\n3\n", "3\n3.5\n", 1), r":1: a scan of 3 columns and 3\.5 rows"),
-        (SCAN.replace("3\n3\n", "99999\n99999\n", 1), r"states 9,999,800,001 points, more than the file can hold"),
+        (
+            SCAN.replace("3\n3\n", "99999\n99999\n", 1),
+            r":1: a scan states 9,999,800,001 points, more than the file can",
+        ),
+        (SCAN.replace("3\n3\n", "1e308\n1e308\n", 1), r":1: a scan states inf points, more than the file can hold"),
         (SCAN.replace("0.999997", "2"), r":7: a scan's transformation is no rotation with a shift"),
         (SCAN.replace("1.444444", "x"), r":16: 'x 2\.444444 3\.444 0\.423' is no row of numbers"),
         (SCAN.replace("1.444444 2.444444", "1.4"), r":16: 3 columns|:16: .*columns"),
