@@ -132,6 +132,13 @@ def test_cross_sections_have_their_units_order_and_station(tmp_path):
     assert [name for name, _ in second] == ["X:A3", "X:A5"]
 
 
+def test_a_distance_that_is_no_number_is_not_measured(tmp_path):
+    (tmp_path / "a.srv").write_text("A B 1 0 0 <.,.i.,1.i,.5>\nB C 1 0 0 <i,f,--,2>\n")
+    ((_, first), (_, second), _) = _passages(tmp_path / "a.srv", "")[0]
+    np.testing.assert_allclose(first, (np.nan, np.nan, 0.3048, 0.5))
+    np.testing.assert_allclose(second, (np.nan, np.nan, np.nan, 2))
+
+
 @needs_walls
 def test_walls_sections_are_the_measured_widths_of_the_passages(tmp_path, capsys):
     survey = solve_file(write(tmp_path, {"a.srv": SHOTS}))
