@@ -132,12 +132,32 @@ def test_a_leaf_of_many_voxels_has_those_on_its_faces(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".bt", ".ot"])
-def test_a_tree_that_is_cut_off_is_refused(tmp_path, tree, suffix):
+@pytest.mark.parametrize("change", [lambda b: b[:5000], lambda b: b.replace(b"\nsize ", b"\nsize 99999")])
+def test_a_tree_that_its_bytes_do_not_hold_is_refused(tmp_path, tree, suffix, change):
     path = tmp_path / f"a{suffix}"
     (tree.writeBinary if suffix == ".bt" else tree.write)(str(path))
-    path.write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"cannot be read as a tree of OctoMap; it is broken, cut off or empty"):
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(InputError, match=r"states '\d+' nodes, which [\d,]+ bytes do not hold|it is broken"):
         read(path)
+
+
+def test_a_tree_with_bytes_put_in_is_refused_before_the_library_reserves_memory(tmp_path, tree):
+    tree.write(str(tmp_path / "a.ot"))
+    data = (tmp_path / "a.ot").read_bytes()
+    (tmp_path / "a.ot").write_bytes(data[:5000] + bytes(23) + data[5000:])
+    with pytest.raises(InputError, match=r"a\.ot: states '\d+' nodes, which [\d,]+ bytes do not hold"):
+        read(tmp_path / "a.ot")
+
+
+@pytest.mark.parametrize("kind", ["OcTree", "ColorOcTree", "OcTreeStamped"])
+def test_each_kind_of_tree_is_read_from_either_form(tmp_path, kind):
+    tree = getattr(pyoctomap, kind)(0.1)
+    for step in range(200):
+        tree.updateNode(np.array([0.1 * step + 0.05, 0.05, 0.05]), True)
+    tree.write(str(tmp_path / "a.ot"))
+    tree.writeBinary(str(tmp_path / "a.bt"))
+    for suffix in (".ot", ".bt"):
+        assert len(np.concatenate([block.points for block in read(tmp_path / f"a{suffix}")[0]])) == 200
 
 
 @pytest.mark.parametrize(
