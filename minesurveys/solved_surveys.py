@@ -11,7 +11,8 @@ from pkgutil import resolve_name
 
 import numpy as np
 
-from minesurveys.errors import InputError
+from minesurveys.coordinates.map_axes import coordinate_system, other_units
+from minesurveys.errors import InputError, one_line
 from minesurveys.formats import FORMATS, format_of
 from minesurveys.solved.model import SolvedSurvey, StationFlag
 from minesurveys.solved.node_links import is_node_list, links_of, read_node_links
@@ -44,8 +45,8 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
     Raises
     ------
     InputError
-        If the file cannot be read or solved, a station's name holds control characters, or Survex is needed and not
-        installed. The message names the file, the line and the value.
+        If the file cannot be read or solved, its coordinate system does not count in metres, a station's name holds
+        control characters, or Survex is needed and not installed. The message names the file, the line and the value.
     """
     found = format_of(path)
     if is_node_list(path):
@@ -63,10 +64,24 @@ def solve_file(path: Path, declination_deg: float | None = None) -> SolvedSurvey
     else:
         known = ", ".join(suffix for suffix, form in FORMATS.items() if form.legs or form.survex)
         raise InputError(f"{path}: not a survey of stations ({known})")
+    _require_metres(path, survey.crs)
     odd = next((name for name in survey.names if not name.isprintable()), None)
     if odd is not None:
         raise InputError(f"{path}: station {odd!r:.60}: want a name of printable characters")
     return survey if survey.files else replace(survey, files=(path,))
+
+
+def _require_metres(path: Path, crs: str | None) -> None:
+    """Refuse a coordinate system in another unit than metres: Survex takes the places of fixed stations for metres."""
+    try:
+        units = other_units(coordinate_system(path, crs)) if crs else ""
+    except InputError:  # a system that is not known states no unit
+        return
+    if units:
+        raise InputError(
+            f"{path}: its coordinate system {one_line(str(crs), 40)!r} counts in {units}, not in metres, which Survex "
+            "takes for metres; state one of metres (`*cs out`, UTM) and solve it again"
+        )
 
 
 def survey_files(path: Path) -> list[Path]:

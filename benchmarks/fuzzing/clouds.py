@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -89,6 +89,28 @@ def _e57(points: np.ndarray) -> Files:
     return saved("c.e57", write)
 
 
+def ptx_text(rows: np.ndarray) -> str:
+    """Return a PTX file of one scan of rows (n, 3 to 7), whose scanner stood at the origin."""
+    axes, place = "1 0 0\n0 1 0\n0 0 1", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1"
+    lines = "\n".join(" ".join(f"{value:.3f}" for value in row) for row in rows.tolist())
+    return f"{len(rows)}\n1\n0 0 0\n{axes}\n{place}\n{lines}\n"
+
+
+def seen_drift(resolution: float = 0.1) -> Any:
+    """Return an octree of OctoMap of a drift of 10 x 4 x 3 m that a scanner saw from its middle line."""
+    import pyoctomap
+
+    tree, rng = pyoctomap.OcTree(resolution), np.random.default_rng(0)
+    low, high = np.array([0, -2, 0.0]), np.array([10, 2, 3.0])
+    for along in np.arange(0.5, 10, 1.0):
+        place = np.array([along, 0, 1.5])
+        rays = rng.normal(size=(6000, 3))
+        reach = np.where(rays > 0, (high - place) / rays, (low - place) / rays).min(axis=1)
+        tree.insertPointCloud(place + rays * reach[:, None], place)
+    tree.updateInnerOccupancy()
+    return tree
+
+
 def _las(points: np.ndarray, name: str = "c.las") -> Files:
     import laspy
 
@@ -127,6 +149,8 @@ SCANS: dict[str, Callable[[], Files]] = {
     "laz scan": lambda: _las(_drift(), "c.laz"),
     "csv scan": lambda: _csv(_drift()),
     "zip scan": lambda: _zip(_drift()),
+    "e57 scan": lambda: _e57(_drift()),
+    "ptx scan": lambda: {"c.ptx": ptx_text(_drift()).encode()},
+    "octree": lambda: saved("c.bt", lambda path: seen_drift(0.2).writeBinary(str(path))),
+    "full octree": lambda: saved("c.ot", lambda path: seen_drift(0.2).write(str(path))),
 }
-if find_spec("pye57"):  # the extra e57
-    SCANS["e57 scan"] = lambda: _e57(_drift())

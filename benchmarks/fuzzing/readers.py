@@ -9,14 +9,13 @@ from pathlib import Path
 
 import yaml
 
-from benchmarks.fuzzing.clouds import SCANS
+from benchmarks.fuzzing.clouds import CLOUDS, SCANS
 from benchmarks.fuzzing.samples import SAMPLES
 from benchmarks.fuzzing.solids import SOLIDS
 
 PICTURES = ("png", "jpeg", "tiff", "pdf")
 HEIGHTS = ("height raster", "height grid", "contour lines", "height labels")
 FACES = ("dxf faces", "dxf polyface", "dxf mesh")
-CLOUDS = ("xyz", "ply", "pcd", "las", "stl", "obj")
 
 
 def _read_mine(path: Path, **stated: float) -> None:

@@ -7,6 +7,8 @@ from functools import partial
 
 from benchmarks.fuzzing.builders import Files, saved
 
+_KINDS = ("obj", "stl", "ply", "glb", "dtm", "xml", "dae", "usd", "omf")
+
 
 def _drift(name: str, entity: str = "") -> Files:
     """Return a drift with a room; entities are those of a drawing."""
@@ -22,7 +24,7 @@ def _drift(name: str, entity: str = "") -> Files:
 
 
 SOLIDS: dict[str, Callable[[], Files]] = {
-    **{f"{kind} solid": partial(_drift, f"m.{kind}") for kind in ("obj", "stl", "ply", "glb", "dtm")},
+    **{f"{kind} solid": partial(_drift, f"m.{kind}") for kind in _KINDS},
     "dxf faces": partial(_drift, "m.dxf", "3DFACE"),
     "dxf polyface": partial(_drift, "m.dxf", "POLYFACE"),
     "dxf mesh": partial(_drift, "m.dxf", "MESH"),

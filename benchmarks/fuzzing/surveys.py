@@ -1,4 +1,4 @@
-"""Samples of solved surveys, Survex projects, Therion centrelines and Compass data."""
+"""Samples of solved surveys, Survex projects, Therion centrelines, Compass data and Walls projects."""
 
 from __future__ import annotations
 
@@ -43,6 +43,26 @@ def ring_3d(places: list[Place] = _RING) -> bytes:
         end = 1 if i == 0 and before == 7 else 0
         out += bytes([0x30 | end]) + label(b"mine.%d" % i, 0, 6) + struct.pack("<4h", 200, 200, 250, 0)
     return out + b"\0"
+
+
+def ring_lox(places: list[Place] = _RING) -> bytes:
+    """Return a `.lox` file: the same ring, with cross-sections at both ends of each leg."""
+    count = len(places)
+    stations = [
+        struct.pack("<7I3d", k, 0, 2 * k, 2, 0, 0, 6 if k == 0 else 0, *(cm / 100 for cm in at))
+        for k, at in enumerate(places)
+    ]
+    shots = [struct.pack("<2I8d3Id", k, (k + 1) % count, *[2, 2, 2.5, 0] * 2, 0, 2, 0, 60) for k in range(count)]
+    return (
+        _lox_block(1, [struct.pack("<6I", 0, 0, 5, 0, 0, 0)], b"mine\0")
+        + _lox_block(2, stations, b"".join(b"%d\0" % k for k in range(count)))
+        + _lox_block(3, shots, b"")
+    )
+
+
+def _lox_block(kind: int, records: list[bytes], texts: bytes) -> bytes:
+    data = b"".join(records)
+    return struct.pack("<4I", kind, len(data), len(records), len(texts)) + data + texts
 
 
 PROJECT: Files = {
@@ -125,9 +145,42 @@ COMPASS_DAT = (
     b" A1 A2 100.0 0.0 0.0 6 9 1 6\r\n A2 A3 100.0 90.0 0.5 6 9 1 6\r\n A3 A4 100.0 180.0 -0.5 6 9 1 6\r\n"
     b" A4 A1 100.0 270.0 0 -9 9 1 999.9\r\n\x0c\r\n"
 )
+WALLS: Files = {
+    "mine.wpj": b""".BOOK\tA mine
+.NAME\tmine
+.STATUS\t7
+.BOOK\tNorth
+.NAME\tNORTH
+.PATH\tSub\\North
+.SURVEY\tThe main drift
+.NAME\tMAIN
+.STATUS\t8
+.SURVEY\tPictures
+.NAME\tpictures.zip
+.STATUS\t65536
+.SURVEY\tOld
+.NAME\told
+.STATUS\t2
+.ENDBOOK
+.SURVEY\tGone
+.NAME\tgone
+.PATH\tnowhere
+.STATUS\t8
+.SURVEY\tSouth
+.NAME\tsouth
+.STATUS\t8
+.ENDBOOK
+""",
+    "sub/north/main.srv": b"#units meters order=dav\n#fix A 100 200 30\nA B 10 90 0 <1,2,3,4>\nB C 5 0 90\n",
+    "south.srv": b"#units meters\nC D 7 0 0\n",
+}
 SAMPLES_3D: dict[str, Files] = {
     "solved .3d": {"mine.3d": ring_3d()},
+    "solved .lox": {"mine.lox": ring_lox()},
     "survex project": PROJECT,
     "therion": THERION,
     "compass data": {"mine.mak": b"/ a comment\r\n#mine.dat;\r\n", "mine.dat": COMPASS_DAT},
+    "compass survey": {"mine.dat": COMPASS_DAT},
+    "walls project": WALLS,
+    "walls survey": {"main.srv": WALLS["sub/north/main.srv"]},
 }

@@ -17,6 +17,7 @@ from minesurveys.limits import FILE, reader_limits
 from minesurveys.remarks import warn_user
 
 _BINARY, _FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"
+_NODE_BYTES = {b"OcTree": 5, b"ColorOcTree": 8, b"OcTreeStamped": 5}  # in a tree that is no binary one
 _TERRAIN = b"binterr"
 _HEAD_BYTES = 2000
 _BLOCK = 200_000
@@ -44,7 +45,7 @@ def octomap_blocks(path: Path, _: Wanted) -> Iterator[PointBlock]:
     points: list[np.ndarray] = []
     warn_user(f"an octree of {resolution:g} m; the middles of its occupied voxels are read as a scan", of=path.name)
     for leaf in tree.begin_leafs():
-        if not tree.isNodeOccupied(leaf):
+        if not tree.isNodeOccupied(leaf.current_node):
             continue
         side = max(1, round(leaf.getSize() / resolution))
         count += side**3 - max(side - 2, 0) ** 3
@@ -80,17 +81,27 @@ def _tree(path: Path, head: bytes) -> Any:
         b"ColorOcTree": pyoctomap.ColorOcTree,
         b"OcTreeStamped": pyoctomap.OcTreeStamped,
     }
-    lines = head.partition(b"\ndata\n")[0].splitlines()
+    text, mark, _ = head.partition(b"\ndata\n")
+    lines = text.splitlines()
     stated = {words[0]: words[1] for words in map(bytes.split, lines) if len(words) == 2}
     named = stated.get(b"id", b"")
     if named not in kinds:
         raise InputError(
             f"{path}: a tree of {named.decode('latin-1')[:40]!r}; want OcTree, ColorOcTree or OcTreeStamped"
         )
+    size, held = stated.get(b"size", b""), path.stat().st_size - len(text + mark)
+    nodes = int(size) if size.isdigit() and len(size) < 19 else 0
+    # Beyond the end of its data the library goes on, and reserves memory without an end.
+    fits = 8 * held >= 2 * (nodes - 1) if head.startswith(_BINARY) else held == nodes * _NODE_BYTES[named]
+    if not (mark and nodes and fits):
+        raise InputError(
+            f"{path}: states {size.decode('latin-1')[:20]!r} nodes, which {held:,} bytes do not hold; it is broken, "
+            "cut off or empty"
+        )
     tree = kinds[named](0.1)
     read = tree.readBinary if head.startswith(_BINARY) else tree.read
     found = read(str(path))
     tree = tree if isinstance(found, bool) or found is None else found
-    if not found or stated.get(b"size") != str(tree.size()).encode() or not tree.size():
-        raise InputError(f"{path}: cannot be read as a tree of OctoMap; it is broken, cut off or empty")
+    if not found or nodes != tree.size():
+        raise InputError(f"{path}: cannot be read as a tree of OctoMap; it is broken")
     return tree

@@ -42,12 +42,13 @@ def ptx_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
             number += 1
             head = [first, *(_next_line(stream) or "" for _ in range(1 + _SCANNER_LINES + _MATRIX_LINES))]
             count, place = _header(path, head, number)
-            number += len(head) - 1
             if count * _LEAST_BYTES > path.stat().st_size:
-                raise InputError(f"{path}: a scan states {count:,} points, more than the file can hold")
-            for start in range(0, count, _BLOCK):
-                lines = list(itertools.islice(stream, min(_BLOCK, count - start)))
-                rows = _rows(path, lines, number, min(_BLOCK, count - start))
+                raise InputError(f"{path}:{number}: a scan states {count:,.15g} points, more than the file can hold")
+            number += len(head) - 1
+            for start in range(0, int(count), _BLOCK):
+                wanted_rows = min(_BLOCK, int(count) - start)
+                lines = list(itertools.islice(stream, wanted_rows))
+                rows = _rows(path, lines, number, wanted_rows)
                 number += len(lines)
                 seen = np.isfinite(rows[:, :3]).all(axis=1) & (rows[:, :3] != 0).any(axis=1)
                 lost += int((~seen).sum())
@@ -66,7 +67,7 @@ def _next_line(stream: Iterator[str]) -> str | None:
     return next((line for line in stream if line.strip()), None)
 
 
-def _header(path: Path, lines: list[str], number: int) -> tuple[int, np.ndarray]:
+def _header(path: Path, lines: list[str], number: int) -> tuple[float, np.ndarray]:
     """Return the number of a scan's points and its transformation (4, 4), of row vectors."""
     sizes = [1, 1, *[3] * _SCANNER_LINES, *[4] * _MATRIX_LINES]
     found = [_numbers(path, line, number + k, size) for k, (line, size) in enumerate(zip(lines, sizes, strict=True))]
@@ -77,7 +78,7 @@ def _header(path: Path, lines: list[str], number: int) -> tuple[int, np.ndarray]
     turn = place[:3, :3]
     if not np.isfinite(place).all() or np.abs(turn @ turn.T - np.eye(3)).max() > _SQUARE or np.linalg.det(turn) < 0:
         raise InputError(f"{path}:{number + 6}: a scan's transformation is no rotation with a shift; export it again")
-    return int(columns * rows), place
+    return columns * rows, place
 
 
 def _numbers(path: Path, line: str, number: int, count: int) -> list[float]:

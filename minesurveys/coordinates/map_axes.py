@@ -28,7 +28,9 @@ _EARTH_M = (6_350_000.0, 6_380_000.0)  # semi-axes of the Earth's ellipsoids; th
 _SPELLINGS = {
     **dict.fromkeys(("meter", "meters", "metres"), "metre"),
     **dict.fromkeys(("feet", "international foot", "international feet"), "foot"),
-    **dict.fromkeys(("us survey feet", "foot_us", "ftus", "us ft", "sft", "survey foot"), "us survey foot"),
+    **dict.fromkeys(
+        ("us survey feet", "foot_us", "ftus", "us ft", "sft", "survey foot", "ussurveyfoot"), "us survey foot"
+    ),
     **dict.fromkeys(("centimeter", "centimeters", "centimetres"), "centimetre"),
     **dict.fromkeys(("millimeter", "millimeters", "millimetres"), "millimetre"),
     **dict.fromkeys(("kilometer", "kilometers", "kilometres"), "kilometre"),
@@ -110,6 +112,12 @@ def coordinate_system(path: Path, text: str) -> pyproj.CRS:
 def horizontal(system: pyproj.CRS) -> pyproj.CRS:
     """Return the part of a system that the plan is in, without its vertical system and its tie to another datum."""
     return _parts(system)[0]
+
+
+def other_units(system: pyproj.CRS) -> str:
+    """Return the units of a plan's axes that are not metres, such as "degree"; empty if all are."""
+    axes = horizontal(system).axis_info[:2]
+    return ", ".join(sorted({str(axis.unit_name) for axis in axes if abs(axis.unit_conversion_factor - 1) > _EQUAL}))
 
 
 def axes_of(system: pyproj.CRS) -> MapAxes:

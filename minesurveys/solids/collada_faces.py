@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from minesurveys.errors import InputError
 from minesurveys.guard.plain_xml import plain_name
@@ -16,8 +17,10 @@ Named = Mapping[tuple[str, str], Element]  # by kind and identifier; some progra
 _FACES = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 
 
-def numbers(path: Path, text: str | None, what: str, count: int | None = None) -> np.ndarray:
-    """Return the numbers of a text, float64.
+def numbers(
+    path: Path, text: str | None, what: str, count: int | None = None, dtype: DTypeLike = np.float64
+) -> np.ndarray:
+    """Return the numbers of a text.
 
     Raises
     ------
@@ -26,11 +29,12 @@ def numbers(path: Path, text: str | None, what: str, count: int | None = None) -
     """
     words = (text or "").split()
     try:
-        found = np.array(words, np.float64) if (text or "").isascii() and "_" not in (text or "") else np.zeros(0)
-    except ValueError:
+        found = np.array(words, dtype) if (text or "").isascii() and "_" not in (text or "") else np.zeros(0)
+    except (ValueError, OverflowError):
         found = np.zeros(0)
     if len(found) != len(words) or (count is not None and len(found) != count):
-        wanted = "numbers" if count is None else f"{count} numbers"
+        kind = "whole numbers" if dtype is np.int64 else "numbers"
+        wanted = kind if count is None else f"{count} {kind}"
         raise InputError(f"{path}: {what} is {' '.join(words)[:60]!r}; want {wanted}")
     return found
 
@@ -64,11 +68,11 @@ def _places(path: Path, source: Element) -> np.ndarray:
     if array is None or accessor is None:
         raise InputError(f"{path}: a mesh without coordinates (<float_array>, <accessor>)")
     values = numbers(path, array.text, "<float_array>")
-    stride, offset = (
-        int(numbers(path, accessor.get(key, default), f"accessor {key}", 1)[0])
-        for key, default in (("stride", "3"), ("offset", "0"))
-    )
-    if stride < 3 or offset < 0:
+    stride, offset = _whole(path, accessor, "stride", 3), _whole(path, accessor, "offset", 0)
+    stated = _whole(path, array, "count", len(values))
+    if stated != len(values):
+        raise InputError(f"{path}: <float_array> states {stated} numbers and has {len(values)}; it is broken")
+    if not (3 <= stride <= max(3, stated) and offset >= 0):
         raise InputError(f"{path}: <accessor> has stride {stride} and offset {offset}; want 3 or more, and 0 or more")
     values = values[offset:]
     return values[: len(values) // stride * stride].reshape(-1, stride)[:, :3]
@@ -78,19 +82,26 @@ def _triangles(path: Path, faces: Element, places: np.ndarray) -> np.ndarray:
     """Return the triangles (m, 3) of one list of faces."""
     kind = plain_name(faces)
     inputs = [child for child in faces if plain_name(child) == "input"]
-    offsets = [int(numbers(path, child.get("offset", "0"), "input offset", 1)[0]) for child in inputs]
+    offsets = [_whole(path, child, "offset", 0) for child in inputs]
     vertex = next((k for k, child in zip(offsets, inputs, strict=True) if child.get("semantic") == "VERTEX"), None)
     if vertex is None:
         raise InputError(f"{path}: <{kind}> without an input VERTEX")
     if any(plain_name(child) == "ph" for child in faces):
         raise InputError(f"{path}: <polygons> with holes (<ph>) are not read; export triangles")
+    if min(offsets) < 0:
+        raise InputError(f"{path}: <{kind}> has inputs of offsets {offsets}; want 0 or more")
     step = max(offsets) + 1
-    rings = [_indices(path, p.text, kind)[vertex::step] for p in faces if plain_name(p) == "p"]
+    listed = [_indices(path, p.text, kind) for p in faces if plain_name(p) == "p"]
+    unit = 3 * step if kind == "triangles" else step
+    odd = next((len(one) for one in listed if len(one) % unit), None)
+    if odd is not None:
+        raise InputError(f"{path}: <{kind}> lists {odd} numbers, of {unit} each; it is broken")
+    rings = [one[vertex::step] for one in listed]
     corners = np.concatenate([np.zeros(0, np.int64), *rings])
     if len(corners) and not 0 <= corners.min() <= corners.max() < len(places):
         raise InputError(f"{path}: <{kind}> has a corner that the file does not have")
     if kind == "triangles":
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        return corners.reshape(-1, 3)
     if kind == "tristrips":
         return np.concatenate([np.zeros((0, 3), np.int64), *(_strip(ring) for ring in rings)])
     if kind == "trifans":
@@ -112,4 +123,10 @@ def _strip(ring: np.ndarray) -> np.ndarray:
 
 
 def _indices(path: Path, text: str | None, what: str) -> np.ndarray:
-    return numbers(path, text, f"<{what}>").astype(np.int64)
+    return numbers(path, text, f"<{what}>", dtype=np.int64)
+
+
+def _whole(path: Path, element: Element, key: str, default: int) -> int:
+    """Return a whole number of an element's attribute."""
+    name = f"<{plain_name(element)}> {key}"
+    return int(numbers(path, element.get(key, str(default)), name, 1, np.int64)[0])

@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from minesurveys.coordinates.map_axes import metres_of_unit
 from minesurveys.errors import InputError, one_line
 from minesurveys.remarks import warn_user
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
 
 OMF = ".omf"
-_METRES = {
-    "m": 1.0, "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "mm": 0.001, "cm": 0.01, "km": 1000.0,
-    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "in": 0.0254, "us-ft": 1200 / 3937, "ussurveyfoot": 1200 / 3937,
-}  # fmt: skip
 
 
 def read_omf(path: Path, _data: bytes) -> StatedMeshes:
@@ -59,9 +56,12 @@ def read_omf(path: Path, _data: bytes) -> StatedMeshes:
     if others:
         warn_user(f"its triangulated surfaces are read; {', '.join(others)} are not", of=path.name)
     stated = str(project.units or "").strip()
-    if stated and stated.lower() not in _METRES:
-        raise InputError(f"{path}: its unit is {one_line(stated, 40)!r}; want {', '.join(_METRES)}")
-    return StatedMeshes(found, _METRES[stated.lower()] if stated else None)
+    metres = metres_of_unit(stated)
+    if stated and metres is None:
+        raise InputError(
+            f"{path}: its unit is {one_line(stated, 40)!r}, which is none of length; want m, cm, mm, ft, in"
+        )
+    return StatedMeshes(found, metres)
 
 
 def _mesh(element: Any, origin: np.ndarray) -> LayerMesh:

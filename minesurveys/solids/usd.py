@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from minesurveys.errors import InputError
-from minesurveys.limits import reader_limits
+from minesurveys.limits import FILE, reader_limits
 from minesurveys.remarks import warn_user
 from minesurveys.solids.polygons import triangles_of
 from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes
@@ -55,10 +55,12 @@ def read_usd(path: Path, _data: bytes) -> StatedMeshes:
             found.append(mesh)
     except Tf.ErrorException as error:
         raise InputError(f"{path}: not a USD file that can be read; it is broken or cut off") from error
-    if left_out:
-        listed = ", ".join(f"{count} {name}" for name, count in sorted(left_out.items()))
+    if +left_out:
+        listed = ", ".join(f"{count} {name}" for name, count in sorted((+left_out).items()))
         warn_user(f"not read: {listed}", of=path.name)
     metres, up = float(UsdGeom.GetStageMetersPerUnit(stage)), str(UsdGeom.GetStageUpAxis(stage)).lower()
+    if up not in ("y", "z"):
+        raise InputError(f"{path}: upAxis is {up[:20]!r}; want Y or Z")
     missing = [] if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else ["metersPerUnit: a unit is a centimetre (--unit)"]
     missing += [] if stage.HasAuthoredMetadata("upAxis") else ["upAxis: y is up (--up)"]
     if missing:
@@ -70,10 +72,23 @@ def _stage_meshes(path: Path, stage: Any, left_out: Counter[str]) -> Iterator[La
     from pxr import Usd, UsdGeom
 
     places = UsdGeom.XformCache(Usd.TimeCode.EarliestTime())
-    prims = iter(Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
+    for prim in _shown(path, stage.GetPseudoRoot(), left_out):
+        if prim.IsA(UsdGeom.PointInstancer):
+            yield from _instances(path, prim, places, left_out)
+        elif prim.IsA(UsdGeom.Mesh):
+            yield from _mesh(path, prim, np.array(places.GetLocalToWorldTransform(prim)), left_out)
+        elif prim.IsA(UsdGeom.Gprim):
+            left_out[str(prim.GetTypeName())] += 1
+
+
+def _shown(path: Path, root: Any, left_out: Counter[str]) -> Iterator[Any]:
+    """Yield a prim and those below it that are shown; nothing below a point instancer, whose prototypes are hidden."""
+    from pxr import Usd, UsdGeom
+
+    prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
     for number, prim in enumerate(prims):
         if number > reader_limits().shapes:
-            raise InputError(f"{path}: more than {reader_limits().shapes:,} prims (shapes in minesurveys/limits.yaml)")
+            raise InputError(f"{path}: more than {reader_limits().shapes:,} prims (shapes in {FILE})")
         shown = UsdGeom.Imageable(prim)
         if shown and shown.ComputeVisibility(Usd.TimeCode.EarliestTime()) == UsdGeom.Tokens.invisible:
             left_out["invisible"] += 1
@@ -81,13 +96,10 @@ def _stage_meshes(path: Path, stage: Any, left_out: Counter[str]) -> Iterator[La
         elif shown and shown.ComputePurpose() in _NOT_SHOWN:
             left_out[f"of purpose {shown.ComputePurpose()}"] += 1
             prims.PruneChildren()
-        elif prim.IsA(UsdGeom.PointInstancer):
-            prims.PruneChildren()  # its prototypes stand for themselves nowhere
-            yield from _instances(path, prim, places, left_out)
-        elif prim.IsA(UsdGeom.Mesh):
-            yield from _mesh(path, prim, np.array(places.GetLocalToWorldTransform(prim)), left_out)
-        elif prim.IsA(UsdGeom.Gprim):
-            left_out[str(prim.GetTypeName())] += 1
+        else:
+            if prim.IsA(UsdGeom.PointInstancer):
+                prims.PruneChildren()
+            yield prim
 
 
 def _instances(path: Path, prim: Any, places: Any, left_out: Counter[str]) -> Iterator[LayerMesh]:
@@ -98,18 +110,23 @@ def _instances(path: Path, prim: Any, places: Any, left_out: Counter[str]) -> It
     own = np.array(places.GetLocalToWorldTransform(prim))
     moves = instancer.ComputeInstanceTransformsAtTime(time, time, UsdGeom.PointInstancer.IncludeProtoXform)
     kinds = _values(instancer.GetProtoIndicesAttr(), np.int64).tolist()
-    shown = list(instancer.ComputeMaskAtTime(time)) or [True] * len(kinds)
-    kinds = [kind for kind, is_shown in zip(kinds, shown, strict=True) if is_shown]  # moves are those of the shown
-    targets = instancer.GetPrototypesRel().GetForwardedTargets()
-    if len(kinds) * len(targets) > reader_limits().shapes:
+    mask = list(instancer.ComputeMaskAtTime(time)) or [True] * len(kinds)
+    roots = [prim.GetStage().GetPrimAtPath(target) for target in instancer.GetPrototypesRel().GetForwardedTargets()]
+    if len(kinds) * len(roots) > reader_limits().shapes:
         raise InputError(f"{path}: {prim.GetPath()} has {len(kinds):,} instances, at most {reader_limits().shapes:,}")
-    for kind, move in zip(kinds, moves, strict=True):
-        root = prim.GetStage().GetPrimAtPath(targets[kind])
-        above = np.linalg.inv(np.array(places.GetLocalToWorldTransform(root)))
-        for below in Usd.PrimRange(root):
-            if below.IsA(UsdGeom.Mesh):
-                local = np.array(places.GetLocalToWorldTransform(below)) @ above
-                yield from _mesh(path, below, local @ np.array(move) @ own, left_out)
+    kinds = [kind for kind, is_shown in zip(kinds, mask, strict=False) if is_shown]  # moves are those of the shown
+    if len(moves) != len(kinds) or not all(0 <= kind < len(roots) and roots[kind] for kind in kinds):
+        raise InputError(f"{path}: {prim.GetPath()}: its instances, places and prototypes do not fit each other")
+    for root in roots:
+        for below in _shown(path, root, left_out) if root else ():
+            if not below.IsA(UsdGeom.Mesh):
+                name = str(below.GetTypeName())
+                left_out[f"{name} of an instance"] += below.IsA(UsdGeom.Gprim) or below.IsA(UsdGeom.PointInstancer)
+                continue
+            local = np.array(places.ComputeRelativeTransform(below, root)[0])
+            for kind, move in zip(kinds, moves, strict=True):
+                if roots[kind] == root:
+                    yield from _mesh(path, below, local @ np.array(move) @ own, left_out)
 
 
 def _mesh(path: Path, prim: Any, place: np.ndarray, left_out: Counter[str]) -> Iterator[LayerMesh]:

@@ -53,10 +53,15 @@ def read_lox(path: Path) -> SolvedSurvey:
     if not np.isfinite(stations["place"]).all():
         raise InputError(f"{path}: a station whose place is no finite number")
     row = {int(number): k for k, number in enumerate(stations["id"])}
+    if len(row) < len(stations):
+        raise InputError(f"{path}: two stations have one number; it is broken")
     unknown = next((int(end) for end in shots["ends"].ravel() if int(end) not in row), None)
     if unknown is not None:
         raise InputError(f"{path}: a leg of station number {unknown}, which it does not have; it is broken")
     ends = np.array([[row[int(end)] for end in pair] for pair in shots["ends"]], np.int64).reshape(-1, 2)
+    if np.isinf(shots["lrud"]).any() or shots["lrud"].max() > reader_limits().farthest_wall_m:
+        most = f"{reader_limits().farthest_wall_m:g} (farthest_wall_m in {FILE})"
+        raise InputError(f"{path}: a wall {shots['lrud'].max():g} m beside its station, at most {most}")
     lrud = np.where(shots["lrud"] >= 0, shots["lrud"], np.nan)  # negative: not measured
     passages = _passages(ends[shots["section"] > 0], lrud[shots["section"] > 0])
     drawn = (shots["flags"] & _HIDDEN) == 0
@@ -65,7 +70,10 @@ def read_lox(path: Path) -> SolvedSurvey:
             f"not read: {', '.join((f'{count} {_NOT_READ[kind]}' for kind, count in others.items()))}", of=path.name
         )
     flags = _flags_of(stations["flags"], _STATION_FLAGS)
-    names = _names(path, surveys, stations, texts)
+    for kind, pointers in ((1, surveys["name"]), (2, stations["name"])):
+        if (pointers["at"].astype(np.int64) + pointers["size"]).max(initial=0) > len(texts.get(kind, b"")):
+            raise InputError(f"{path}: a name that lies behind the texts of its block; it is broken")
+    names = _names(surveys, stations, texts)
     flags[[not name for name in names]] |= int(StationFlag.ANONYMOUS)
     flags[(flags & StationFlag.SURFACE) == 0] |= int(StationFlag.UNDERGROUND)
     return SolvedSurvey(
@@ -122,7 +130,7 @@ def _flags_of(bits: np.ndarray, meanings: dict[int, StationFlag] | dict[int, Leg
     return found
 
 
-def _names(path: Path, surveys: np.ndarray, stations: np.ndarray, texts: dict[int, bytes]) -> list[str]:
+def _names(surveys: np.ndarray, stations: np.ndarray, texts: dict[int, bytes]) -> list[str]:
     """Return the stations' names with their surveys, `survey.station`; nothing for stations without one."""
     parents = {int(own["id"]): (int(own["parent"]), _text(texts[1], own["name"])) for own in surveys}
     full: dict[int, str] = {}

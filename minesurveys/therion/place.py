@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pyproj
 
+from minesurveys.coordinates.map_axes import other_units
 from minesurveys.errors import InputError
 from minesurveys.survex.convergence import convergence_deg
 from minesurveys.therion.dates import CENTRELINES, Dates, year_of
@@ -17,10 +18,7 @@ from minesurveys.therion.words import number_for_survex
 
 _SQUARE_M = 100_000.0
 _LETTERS = "ABCDEFGHJKLMNOPQRSTUVWXYZ"
-
-
 _DEGREES = "long-lat"  # as Survex calls it
-_METRES = 1e-9  # how far a system's unit may be from a metre
 
 
 @dataclass(frozen=True)
@@ -101,10 +99,10 @@ def _of_authority(where: str, name: str) -> System:
         found = pyproj.CRS.from_user_input(name)
     except pyproj.exceptions.ProjError as error:
         raise InputError(f"{where}: cs {name}: it is unknown") from error
-    units = {axis.unit_name for axis in found.axis_info[:2] if abs(axis.unit_conversion_factor - 1) > _METRES}
+    units = other_units(found)
     if units:
         raise InputError(
-            f"{where}: cs {name} counts in {', '.join(sorted(units))}, not in metres; state the stations in another "
+            f"{where}: cs {name} counts in {units}, not in metres; state the stations in another "
             "system (UTM), or of degrees lat-long or long-lat"
         )
     if {axis.direction for axis in found.axis_info[:2]} != {"west", "south"}:

@@ -7,6 +7,7 @@ from pathlib import Path
 from ezdxf.document import Drawing
 from ezdxf.entities.polyline import Polyline, Polymesh
 from ezdxf.render.mesh import MeshBuilder
+from ezdxf.units import unit_name
 
 from minesurveys.frames import Unit
 from minesurveys.remarks import warn_user
@@ -16,8 +17,6 @@ _UNITS: dict[int, Unit] = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 21: "ft",
 # foot and inch are longer by 2e-6, 2 cm in the 10 km that a survey may reach
 _IN_INCHES = (3, 4)  # of $LUNITS, engineering and architectural: the drawing's unit is an inch
 _ENGLISH = ("ft", "in")
-_OTHER_UNITS = {3: "miles", 7: "kilometres", 8: "microinches", 9: "mils", 10: "yards", 13: "micrometres",
-                14: "decimetres", 15: "decametres", 16: "hectometres", 23: "US survey yards"}  # fmt: skip
 
 
 def drop_frame_points(drawing: Drawing) -> None:
@@ -69,9 +68,9 @@ def unit_of(path: Path, drawing: Drawing) -> Unit | None:
             "states its place on the Earth (GEODATA), which is not read; coordinates are the drawing's", of=path.name
         )
     code = int(drawing.header.get("$INSUNITS", 0))
-    if code in _OTHER_UNITS:
+    if code and code not in _UNITS:
         warn_user(
-            f"states its unit as {_OTHER_UNITS[code]} ($INSUNITS = {code}), which is not read; scale it "
+            f"states its unit as {unit_name(code)} ($INSUNITS = {code}), which is not read; scale it "
             "to metres in CAD, or --unit states m, cm, mm, ft or in",
             of=path.name,
             option="--unit",

@@ -15,7 +15,8 @@ from minesurveys.solved.project_files import file_text
 
 _FOOT_M = 0.3048
 _SECTION = re.compile(r"\s[<*]([^<>*]*)[>*]")
-_DISTANCE = re.compile(r"(\d*\.?\d*)([fmi]?)(\d*\.?\d*)", re.IGNORECASE)
+_NUMBER = r"(\d+\.?\d*|\.\d+)?"
+_DISTANCE = re.compile(rf"{_NUMBER}([fmi]?){_NUMBER}", re.IGNORECASE)
 _ORDER = re.compile(r"([FT])B?:([LRUD]{4})", re.IGNORECASE)
 _DIRECTIVE = re.compile(r"\s*#\s*([A-Za-z]+)([123]?)\b(.*)")
 _METRES = {"m": 1.0, "f": _FOOT_M}

@@ -162,6 +162,12 @@ def las_head(version: int, at: int, count: int) -> bytes:
     return bytes(head)
 
 
+def test_a_las_file_whose_points_lie_behind_its_end_is_refused_at_once(tmp_path):
+    (tmp_path / "c.las").write_bytes(las_head(2, 96, 2**32 - 1))
+    with pytest.raises(InputError, match=r"header states points behind byte 4,294,967,295; the file has 375"):
+        list(read_blocks(tmp_path / "c.las", 1.0))
+
+
 @pytest.mark.parametrize(("version", "at"), [(2, 100), (4, 243)])
 def test_a_las_file_with_more_records_than_bytes_is_refused_at_once(tmp_path, version, at):
     path = tmp_path / "c.las"

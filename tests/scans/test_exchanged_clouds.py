@@ -1,11 +1,13 @@
 """Scans as PTX, and trees of OctoMap."""
 
 import numpy as np
+import pyoctomap
 import pytest
 import rasterio
 import rasterio.shutil
 from rasterio.transform import from_origin
 
+from benchmarks.fuzzing.clouds import ptx_text, seen_drift
 from minesurveys.clouds.cloud_formats import read_blocks
 from minesurveys.clouds.point_blocks import PLACES, Wanted
 from minesurveys.height_raster import read_raster
@@ -65,7 +67,11 @@ def test_each_scan_of_a_ptx_file_has_its_own_transformation(tmp_path):
     [
         (SCAN.replace("1.666666 2.666666 3.666 0.678\n", ""), r":18: the file ends within a scan; it is cut off"),
         (SCAN.replace("3\n3\n", "3\n3.5\n", 1), r":1: a scan of 3 columns and 3\.5 rows"),
-        (SCAN.replace("3\n3\n", "99999\n99999\n", 1), r"states 9,999,800,001 points, more than the file can hold"),
+        (
+            SCAN.replace("3\n3\n", "99999\n99999\n", 1),
+            r":1: a scan states 9,999,800,001 points, more than the file can",
+        ),
+        (SCAN.replace("3\n3\n", "1e308\n1e308\n", 1), r":1: a scan states inf points, more than the file can hold"),
         (SCAN.replace("0.999997", "2"), r":7: a scan's transformation is no rotation with a shift"),
         (SCAN.replace("1.444444", "x"), r":16: 'x 2\.444444 3\.444 0\.423' is no row of numbers"),
         (SCAN.replace("1.444444 2.444444", "1.4"), r":16: 3 columns|:16: .*columns"),
@@ -79,22 +85,9 @@ def test_a_broken_ptx_file_is_refused_with_the_line(tmp_path, text, message):
         read(tmp_path / "a.ptx", text)
 
 
-def drift_tree(octomap, resolution=0.1):
-    """Return a tree of a drift of 10 x 4 x 3 m that a scanner saw from its middle line."""
-    tree, rng = octomap.OcTree(resolution), np.random.default_rng(0)
-    low, high = np.array([0, -2, 0.0]), np.array([10, 2, 3.0])
-    for along in np.arange(0.5, 10, 1.0):
-        place = np.array([along, 0, 1.5])
-        rays = rng.normal(size=(6000, 3))
-        reach = np.where(rays > 0, (high - place) / rays, (low - place) / rays).min(axis=1)
-        tree.insertPointCloud(place + rays * reach[:, None], place)
-    tree.updateInnerOccupancy()
-    return tree
-
-
 @pytest.fixture(scope="module")
 def tree():
-    return drift_tree(pytest.importorskip("pyoctomap", reason="pyoctomap is not installed"))
+    return seen_drift()
 
 
 @pytest.mark.parametrize("suffix", [".bt", ".ot"])
@@ -125,8 +118,7 @@ def test_the_free_space_of_a_tree_is_built_as_that_of_a_scan(tmp_path, tree):
 
 
 def test_a_leaf_of_many_voxels_has_those_on_its_faces(tmp_path):
-    octomap = pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
-    tree = octomap.OcTree(0.5)
+    tree = pyoctomap.OcTree(0.5)
     for x in np.arange(4) * 0.5 + 0.25:
         for y in np.arange(4) * 0.5 + 0.25:
             for z in np.arange(4) * 0.5 + 0.25:
@@ -140,12 +132,32 @@ def test_a_leaf_of_many_voxels_has_those_on_its_faces(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".bt", ".ot"])
-def test_a_tree_that_is_cut_off_is_refused(tmp_path, tree, suffix):
+@pytest.mark.parametrize("change", [lambda b: b[:5000], lambda b: b.replace(b"\nsize ", b"\nsize 99999")])
+def test_a_tree_that_its_bytes_do_not_hold_is_refused(tmp_path, tree, suffix, change):
     path = tmp_path / f"a{suffix}"
     (tree.writeBinary if suffix == ".bt" else tree.write)(str(path))
-    path.write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(InputError, match=r"cannot be read as a tree of OctoMap; it is broken, cut off or empty"):
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(InputError, match=r"states '\d+' nodes, which [\d,]+ bytes do not hold|it is broken"):
         read(path)
+
+
+def test_a_tree_with_bytes_put_in_is_refused_before_the_library_reserves_memory(tmp_path, tree):
+    tree.write(str(tmp_path / "a.ot"))
+    data = (tmp_path / "a.ot").read_bytes()
+    (tmp_path / "a.ot").write_bytes(data[:5000] + bytes(23) + data[5000:])
+    with pytest.raises(InputError, match=r"a\.ot: states '\d+' nodes, which [\d,]+ bytes do not hold"):
+        read(tmp_path / "a.ot")
+
+
+@pytest.mark.parametrize("kind", ["OcTree", "ColorOcTree", "OcTreeStamped"])
+def test_each_kind_of_tree_is_read_from_either_form(tmp_path, kind):
+    tree = getattr(pyoctomap, kind)(0.1)
+    for step in range(200):
+        tree.updateNode(np.array([0.1 * step + 0.05, 0.05, 0.05]), True)
+    tree.write(str(tmp_path / "a.ot"))
+    tree.writeBinary(str(tmp_path / "a.bt"))
+    for suffix in (".ot", ".bt"):
+        assert len(np.concatenate([block.points for block in read(tmp_path / f"a{suffix}")[0]])) == 200
 
 
 @pytest.mark.parametrize(
@@ -157,7 +169,6 @@ def test_a_tree_that_is_cut_off_is_refused(tmp_path, tree, suffix):
     ],
 )
 def test_a_file_that_is_no_tree_is_refused_by_what_it_is(tmp_path, data, message):
-    pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
     (tmp_path / "a.bt").write_bytes(data)
     with pytest.raises(InputError, match=message):
         read(tmp_path / "a.bt")
@@ -165,9 +176,11 @@ def test_a_file_that_is_no_tree_is_refused_by_what_it_is(tmp_path, data, message
 
 @pytest.mark.parametrize(("suffix", "said"), [(".ptx", "its format counts in metres, 14"), (".xyz", "states no unit")])
 def test_formats_that_count_in_metres_are_no_guess(tmp_path, suffix, said):
-    rows = [f"{x:.3f} {y:.3f} {z:.3f}" for x, y, z in noisy(sampled(drift()))]
-    head = [str(len(rows)), "1", "0 0 0", "1 0 0", "0 1 0", "0 0 1", "1 0 0 0", "0 1 0 0", "0 0 1 0", "0 0 0 1"]
-    (tmp_path / f"a{suffix}").write_text("\n".join([*(head if suffix == ".ptx" else []), *rows]) + "\n")
+    points = noisy(sampled(drift()))
+    if suffix == ".ptx":
+        (tmp_path / "a.ptx").write_text(ptx_text(points))
+    else:
+        np.savetxt(tmp_path / "a.xyz", points, "%.3f")
     with collect_remarks() as remarks:
         detect_survey(tmp_path / f"a{suffix}", StatedOptions())
     assert any(said in remark.line() for remark in remarks)
@@ -175,7 +188,6 @@ def test_formats_that_count_in_metres_are_no_guess(tmp_path, suffix, said):
 
 def test_a_terrain_is_read_as_the_geotiff_that_the_refusal_asks_for(tmp_path):
     """GDAL writes both formats; it is what `gdal_translate` calls."""
-    pytest.importorskip("pyoctomap", reason="pyoctomap is not installed")
     heights = np.full((40, 40), 400, np.int16)
     size = {"height": 40, "width": 40, "count": 1, "dtype": "int16", "crs": "EPSG:32632"}
     with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", transform=from_origin(5e5, 5e6, 1, 1), **size) as file:

@@ -58,11 +58,25 @@ def las_blocks(path: Path, wanted: Wanted) -> Iterator[PointBlock]:
                     "truncated"
                 )
             tally.finish()
+            _warn_of_more(path, reader.header)
     except (laspy.errors.LaspyException, struct.error, OSError, ValueError, RuntimeError, OverflowError) as error:
         raise InputError(
             f"{path}: cannot be read as LAS or LAZ; it is broken or cut off, and behind a wrong byte of a LAZ file no "
             "point can be unpacked; copy or export it again"
         ) from error
+
+
+def _warn_of_more(path: Path, header: Any) -> None:
+    """List points behind the last one that a header counts, as in a file whose writer did not finish."""
+    if path.suffix.lower() != ".las" or header.number_of_evlrs or header.start_of_waveform_data_packet_record:
+        return
+    room = (path.stat().st_size - header.offset_to_point_data) // header.point_format.size
+    if room > header.point_count:
+        warn_user(
+            "points lie behind those that its header counts, and are not read; export it again",
+            of=path.name,
+            count=f"{room - header.point_count:,} of {room:,}",
+        )
 
 
 class _Tally:
@@ -121,7 +135,9 @@ class _Tally:
 
 
 def _require_records(path: Path) -> None:
-    """Refuse a header that states more variable length records than the file can hold; laspy would look for each.
+    """Refuse a header that states more variable length records, or bytes before the points, than the file can hold.
+
+    laspy would look for each record, and reserve memory for the bytes.
 
     References
     ----------
@@ -136,7 +152,10 @@ def _require_records(path: Path) -> None:
                 f"{path}: its header states {count:,} variable length records, which need {count * least:,} bytes; "
                 f"the file has {size:,}"
             )
-    _require_chunks(path, int.from_bytes(head[_POINTS_AT : _POINTS_AT + 4], "little"), size)
+    points_at = int.from_bytes(head[_POINTS_AT : _POINTS_AT + 4], "little")
+    if points_at > size:
+        raise InputError(f"{path}: its header states points behind byte {points_at:,}; the file has {size:,}")
+    _require_chunks(path, points_at, size)
 
 
 def _require_chunks(path: Path, points_at: int, size: int) -> None:

@@ -103,6 +103,8 @@ def _read(file: ScanFile) -> ScanPoints:
         most = _LOOKED_AT if file.look else MOST_VOXELS
         cloud = thin(_within_reach(in_metres), file.thin_m, most, file.look)
     except InputError as error:
+        if str(error).startswith(f"{path}:"):  # its reader's
+            raise
         raise InputError(f"{path}: {error}") from error
     x, y, z = origin.tolist()
     return ScanPoints(cloud, (x, y, z), axes)

@@ -73,7 +73,7 @@ def thin(blocks: Iterable[PointBlock], voxel_m: float, most: int, coarsen: bool 
         total += len(block)
         if len(block) and np.abs(block.points).max() > REACH * voxel_m:
             raise InputError(
-                f"reaches {np.abs(block.points).max():.0f} m from its origin, at most {REACH * voxel_m:.0f} m; --unit "
+                f"reaches {np.abs(block.points).max():.6g} m from its origin, at most {REACH * voxel_m:.0f} m; --unit "
                 "states its unit"
             )
         waiting.append(_voxels_of(block, voxel_m))

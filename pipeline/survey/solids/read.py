@@ -78,7 +78,7 @@ def read_solid(params: SolidSurveyParams, is_stated: bool = True) -> SolidReadin
     origin = np.array(params.origin or origin_of(vertices, METRES[unit]))
     vertices = (vertices - origin) * METRES[unit]
     if np.abs(vertices).max() > REACH_M:
-        raise InputError(f"{path}: reaches {np.abs(vertices).max():.0f} m far, beyond {REACH_M:g} m; --unit states it")
+        raise InputError(f"{path}: reaches {np.abs(vertices).max():.6g} m far, beyond {REACH_M:g} m; --unit states it")
     try:
         pieces = close_pieces(vertices, read.faces, params.weld_m, params.close_m)
         free = free_space_of(pieces, params.weld_m)

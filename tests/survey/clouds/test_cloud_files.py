@@ -59,6 +59,22 @@ def test_points_of_each_format_are_those_that_were_written(tmp_path, points, suf
     assert found.cloud.points_m.min(axis=0) + found.origin == pytest.approx(points.min(axis=0), abs=0.002)
 
 
+@pytest.mark.parametrize("more", [1, -7])
+def test_a_las_file_has_as_many_points_as_its_header_counts_or_it_is_listed(tmp_path, points, more):
+    path = write(tmp_path / "a.las", points)
+    data = bytearray(path.read_bytes())
+    data[107:111] = (len(points) + more).to_bytes(4, "little")
+    path.write_bytes(data)
+    if more > 0:
+        with pytest.raises(InputError, match=rf"^{path}: {len(points)} points, but its header states"):
+            read_points(ScanFile(path.as_posix(), 1.0, "z", None, 0.001))
+        return
+    with collect_remarks() as remarks:
+        read_points(ScanFile(path.as_posix(), 1.0, "z", None, 0.001))
+    text = f"a.las: 7 of {len(points):,} points lie behind those that its header counts, and are not read"
+    assert any(text in remark.line() for remark in remarks)
+
+
 def test_coordinates_of_a_national_grid_and_elevations_get_an_origin(tmp_path, points):
     found = read(write(tmp_path / "a.laz", points + GRID))
     assert found.georeference.origin == (351230.0, 6301110.0)

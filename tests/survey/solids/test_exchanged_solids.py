@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from benchmarks.scans.solid_files import write_collada, write_landxml, write_omf, write_usd
 from minesurveys.remarks import collect_remarks
 from minesurveys.solids.files import read_triangles
 from pipeline.errors import InputError
@@ -22,22 +23,16 @@ def read(path):
     return found, " ".join(remark.line() for remark in remarks)
 
 
+def written(write, path, *content, **more):
+    write(path, *content, **more)
+    return path
+
+
 def metres_of(found):
     """Return vertices in metres with z up."""
     scale = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "in": 0.0254}[found.unit]
     turned = found.vertices[:, [0, 2, 1]] * [1, -1, 1] if found.up == "y" else found.vertices
     return turned * scale
-
-
-def landxml(path, vertices, faces, units='<Metric linearUnit="meter"/>', marks=""):
-    points = "".join(f'<P id="{k + 7}">{n!r} {e!r} {z!r}</P>' for k, (e, n, z) in enumerate(vertices.tolist()))
-    shown = "".join(f"<F>{a + 7} {b + 7} {c + 7}</F>" for a, b, c in faces.tolist())
-    path.write_text(
-        '<?xml version="1.0"?><LandXML xmlns="http://www.landxml.org/schema/LandXML-1.2" version="1.2">'
-        f'<Units>{units}</Units><Surfaces><Surface name="drift"><Definition surfType="TIN"><Pnts>{points}</Pnts>'
-        f"<Faces>{shown}{marks}</Faces></Definition></Surface></Surfaces></LandXML>"
-    )
-    return path
 
 
 @pytest.mark.parametrize(
@@ -55,7 +50,7 @@ def test_landxml_is_northing_first_in_the_units_that_it_states_for_lengths_and_e
 ):
     vertices, faces, volume = crossing_tunnels()
     stated = (vertices + GRID) / [metres, metres, up_metres]
-    found, _ = read(landxml(tmp_path / "a.xml", stated, faces, units))
+    found, _ = read(written(write_landxml, tmp_path / "a.xml", stated, faces, units))
     np.testing.assert_allclose(metres_of(found), vertices + GRID, atol=1e-6)
     assert trimesh.Trimesh(metres_of(found) - GRID, found.faces).volume == pytest.approx(volume)
     assert found.layers == ("drift",)
@@ -63,7 +58,9 @@ def test_landxml_is_northing_first_in_the_units_that_it_states_for_lengths_and_e
 
 def test_faces_of_landxml_that_are_marked_invisible_are_left_out_and_counted(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    found, remarks = read(landxml(tmp_path / "a.xml", vertices, faces, marks='<F i="1">7 8 9</F><F i="0">7 8 9</F>'))
+    found, remarks = read(
+        written(write_landxml, tmp_path / "a.xml", vertices, faces, marks='<F i="1">7 8 9</F><F i="0">7 8 9</F>')
+    )
     assert len(found.faces) == len(faces) + 1
     assert "1 faces are marked invisible and are left out" in remarks
 
@@ -81,7 +78,7 @@ def test_faces_of_landxml_that_are_marked_invisible_are_left_out_and_counted(tmp
 )
 def test_a_broken_landxml_file_is_refused_by_what_is_wrong(tmp_path, old, new, message):
     vertices, faces, _ = crossing_tunnels()
-    path = landxml(tmp_path / "a.xml", vertices, faces)
+    path = written(write_landxml, tmp_path / "a.xml", vertices, faces)
     path.write_text(path.read_text().replace(old, new) if old == "LandXML" else path.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         read(path)
@@ -90,41 +87,14 @@ def test_a_broken_landxml_file_is_refused_by_what_is_wrong(tmp_path, old, new, m
 def test_a_landxml_surface_of_a_floor_is_refused_with_what_reads_its_points(tmp_path):
     floor = np.array([[0, 0, 0], [10, 0, 1], [10, 4, 1], [0, 4, 0]], float)
     with pytest.raises(InputError, match=r"are those of a floor or a terrain, .* --heights reads it with a plan"):
-        read(landxml(tmp_path / "a.xml", floor, np.array([[0, 1, 2], [0, 2, 3]])))
-
-
-def collada_file(path, vertices, faces, metres, up, moves=()):
-    """Write a mesh by pycollada, whose numbers have 32 bits; the geometry is named `drift`."""
-    collada = pytest.importorskip("collada", reason="pycollada is not installed")
-    document = collada.Collada()
-    document.assetInfo.unitmeter, document.assetInfo.unitname, document.assetInfo.upaxis = metres, "unit", up
-    source = collada.source.FloatSource("places", vertices.ravel(), ("X", "Y", "Z"))
-    geometry = collada.geometry.Geometry(document, "drift", "drift", [source])
-    inputs = collada.source.InputList()
-    inputs.addInput(0, "VERTEX", "#places")
-    sizes = np.array([len(face) for face in faces], np.int32)
-    corners = np.concatenate([np.asarray(face, np.int32) for face in faces])
-    is_triangles = (sizes == 3).all()
-    geometry.primitives.append(
-        geometry.createTriangleSet(corners, inputs, "rock")
-        if is_triangles
-        else geometry.createPolylist(corners, sizes, inputs, "rock")
-    )
-    document.geometries.append(geometry)
-    node = collada.scene.Node(
-        "drift", [collada.scene.GeometryNode(geometry, [])], [move(collada.scene) for move in moves]
-    )
-    document.scenes.append(collada.scene.Scene("scene", [node]))
-    document.scene = document.scenes[0]
-    document.write(str(path))
-    return path
+        read(written(write_landxml, tmp_path / "a.xml", floor, np.array([[0, 1, 2], [0, 2, 3]])))
 
 
 @pytest.mark.parametrize(("up", "axes", "signs"), [("Z_UP", [0, 1, 2], 1), ("Y_UP", [0, 2, 1], [1, 1, -1])])
 def test_a_collada_file_is_read_in_its_unit_with_its_axis_up(tmp_path, up, axes, signs):
     vertices, faces, volume = crossing_tunnels()
     stated = vertices[:, axes] * signs / 0.0254
-    found, _ = read(collada_file(tmp_path / "a.dae", stated, faces, 0.0254, up))
+    found, _ = read(written(write_collada, tmp_path / "a.dae", stated, faces, 0.0254, up))
     assert found.unit == "in"
     np.testing.assert_allclose(metres_of(found), vertices, atol=1e-5)
     assert trimesh.Trimesh(metres_of(found), found.faces).volume == pytest.approx(volume, abs=1e-3)
@@ -133,7 +103,7 @@ def test_a_collada_file_is_read_in_its_unit_with_its_axis_up(tmp_path, up, axes,
 def test_a_collada_file_with_x_up_is_turned(tmp_path):
     vertices, faces, volume = crossing_tunnels()
     stated = np.column_stack([vertices[:, 2], -vertices[:, 0], -vertices[:, 1]])
-    found, _ = read(collada_file(tmp_path / "a.dae", stated, faces, 1.0, "X_UP"))
+    found, _ = read(written(write_collada, tmp_path / "a.dae", stated, faces, 1.0, "X_UP"))
     np.testing.assert_allclose(metres_of(found), vertices, atol=1e-6)
     assert trimesh.Trimesh(metres_of(found), found.faces).volume == pytest.approx(volume, abs=1e-3)
 
@@ -145,7 +115,7 @@ def test_nodes_of_a_collada_file_place_its_meshes_and_a_mirror_keeps_the_normals
         lambda scene: scene.RotateTransform(0.0, 0.0, 1.0, 90.0),
         lambda scene: scene.ScaleTransform(1.0, 1.0, -1.0),
     )
-    path = collada_file(tmp_path / "a.dae", vertices, faces, 1.0, "Z_UP", moves)
+    path = written(write_collada, tmp_path / "a.dae", vertices, faces, 1.0, "Z_UP", moves)
     found, _ = read(path)
     placed = np.column_stack([-vertices[:, 1], vertices[:, 0], -vertices[:, 2]]) + np.array([100, 200, 50])
     np.testing.assert_allclose(metres_of(found), placed, atol=1e-5)
@@ -155,7 +125,7 @@ def test_nodes_of_a_collada_file_place_its_meshes_and_a_mirror_keeps_the_normals
 
 def test_numbers_of_a_collada_file_keep_their_digits_at_map_coordinates(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    path = collada_file(tmp_path / "a.dae", vertices, faces, 1.0, "Z_UP")
+    path = written(write_collada, tmp_path / "a.dae", vertices, faces, 1.0, "Z_UP")
     text = path.read_text()
     start, end = text.index(">", text.index("<float_array")) + 1, text.index("</float_array>")
     numbers = " ".join(f"{value:.3f}" for value in (vertices + GRID).ravel())
@@ -165,7 +135,7 @@ def test_numbers_of_a_collada_file_keep_their_digits_at_map_coordinates(tmp_path
 
 
 def test_polygons_of_a_collada_file_need_not_be_convex(tmp_path):
-    path = collada_file(tmp_path / "a.dae", TEE, [list(range(8))], 1.0, "Z_UP")
+    path = written(write_collada, tmp_path / "a.dae", TEE, [list(range(8))], 1.0, "Z_UP")
     found, _ = read(path)
     areas = trimesh.Trimesh(found.vertices, found.faces, process=False).area
     assert areas == pytest.approx(5.0)
@@ -173,7 +143,7 @@ def test_polygons_of_a_collada_file_need_not_be_convex(tmp_path):
 
 def test_a_collada_file_that_names_another_file_or_no_scene_is_refused(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    path = collada_file(tmp_path / "a.dae", vertices, faces, 1.0, "Z_UP")
+    path = written(write_collada, tmp_path / "a.dae", vertices, faces, 1.0, "Z_UP")
     text = path.read_text()
     path.write_text(text.replace('url="#drift"', 'url="other.dae#drift"'))
     with pytest.raises(InputError, match=r"its scene names 'other\.dae#drift', which is not in the file"):
@@ -183,34 +153,10 @@ def test_a_collada_file_that_names_another_file_or_no_scene_is_refused(tmp_path)
         read(path)
 
 
-def usd_file(path, vertices, faces, metres=None, up=None):
-    """Write a mesh by usd-core, with an instance of it moved up by 20 units and mirrored, and one that is not shown."""
-    pytest.importorskip("pxr", reason="usd-core is not installed")
-    from pxr import Gf, Usd, UsdGeom, Vt
-
-    stage = Usd.Stage.CreateNew(str(path))
-    if metres:
-        UsdGeom.SetStageMetersPerUnit(stage, metres)
-    if up:
-        UsdGeom.SetStageUpAxis(stage, up)
-    mesh = UsdGeom.Mesh.Define(stage, "/Rock/drift")
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(vertices.astype(np.float32)))
-    mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
-    mesh.CreateFaceVertexIndicesAttr([int(corner) for face in faces for corner in face])
-    above = UsdGeom.Xform.Define(stage, "/Above")
-    above.AddTranslateOp().Set(Gf.Vec3d(0, 0, 20))
-    above.AddScaleOp().Set(Gf.Vec3f(1, 1, -1))
-    above.GetPrim().GetReferences().AddInternalReference("/Rock")
-    above.GetPrim().SetInstanceable(True)
-    UsdGeom.Mesh.Define(stage, "/Hidden").CreateVisibilityAttr("invisible")
-    stage.GetRootLayer().Save()
-    return path
-
-
 @pytest.mark.parametrize("suffix", [".usd", ".usda", ".usdc"])
 def test_a_usd_file_is_read_in_its_unit_with_its_instances_and_without_what_is_hidden(tmp_path, suffix):
     vertices, faces, volume = crossing_tunnels()
-    found, remarks = read(usd_file(tmp_path / f"a{suffix}", vertices, faces, 1.0, "Z"))
+    found, remarks = read(written(write_usd, tmp_path / f"a{suffix}", vertices, faces, 1.0, "Z"))
     low, high = metres_of(found).min(axis=0), metres_of(found).max(axis=0)
     np.testing.assert_allclose([low, high], [vertices.min(axis=0), vertices.max(axis=0) * [1, 1, 0] + [0, 0, 20]])
     assert trimesh.Trimesh(found.vertices, found.faces).volume == pytest.approx(2 * volume, rel=1e-5)
@@ -220,31 +166,23 @@ def test_a_usd_file_is_read_in_its_unit_with_its_instances_and_without_what_is_h
 
 def test_a_usd_file_without_a_unit_is_in_centimetres_with_y_up_and_says_so(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    found, remarks = read(usd_file(tmp_path / "a.usda", vertices, faces))
+    found, remarks = read(written(write_usd, tmp_path / "a.usda", vertices, faces, None, None))
     assert (found.unit, found.up) == ("cm", "y")
     assert "states no metersPerUnit: a unit is a centimetre (--unit), no upAxis: y is up (--up)" in remarks
 
 
 def test_a_usd_file_that_names_other_files_is_refused_with_the_program_that_joins_them(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    path = usd_file(tmp_path / "a.usda", vertices, faces, 1.0, "Z")
+    path = written(write_usd, tmp_path / "a.usda", vertices, faces, 1.0, "Z")
     path.write_text(path.read_text().replace("(", "(\n    subLayers = [@./b.usda@]\n", 1))
     with pytest.raises(InputError, match=r"a\.usda: names other files, the first '\./b\.usda'; `usdcat -f"):
         read(path)
 
 
 def test_an_omf_project_is_read_in_its_unit_from_its_origins_with_what_is_not_read(tmp_path):
-    omf = pytest.importorskip("omf", reason="omf is not installed")
     vertices, faces, volume = crossing_tunnels()
-    project = omf.Project(name="mine", units="ft", origin=(GRID / 0.3048).tolist())
-    project.elements = [
-        omf.SurfaceElement(
-            name="drift",
-            geometry=omf.SurfaceGeometry(vertices=vertices / 0.3048, triangles=faces, origin=[10.0, 20.0, 30.0]),
-        ),
-        omf.PointSetElement(name="holes", geometry=omf.PointSetGeometry(vertices=vertices)),
-    ]
-    omf.OMFWriter(project, str(tmp_path / "a.omf"))
+    origins = (GRID / 0.3048).tolist(), [10.0, 20.0, 30.0]
+    write_omf(tmp_path / "a.omf", vertices / 0.3048, faces, "ft", origins)
     found, remarks = read(tmp_path / "a.omf")
     moved = vertices + GRID + np.array([10, 20, 30]) * 0.3048
     np.testing.assert_allclose(metres_of(found), moved, atol=1e-6)
@@ -252,9 +190,98 @@ def test_an_omf_project_is_read_in_its_unit_from_its_origins_with_what_is_not_re
     assert remarks == "a.omf: its triangulated surfaces are read; PointSet are not"
 
 
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("Feet", 0.3048), ("inches", 0.0254), ("us-ft", 1200 / 3937), ("USSurveyFoot", 1200 / 3937)]
+)
+def test_a_unit_of_an_omf_project_has_the_names_that_programs_write(tmp_path, unit, metres):
+    vertices, faces, _ = crossing_tunnels()
+    found, _ = read(written(write_omf, tmp_path / "a.omf", vertices / metres, faces, unit))
+    np.testing.assert_allclose(metres_of(found), vertices, atol=1e-9)
+
+
+def test_an_omf_project_in_a_unit_of_no_length_is_refused(tmp_path):
+    vertices, faces, _ = crossing_tunnels()
+    with pytest.raises(InputError, match=r"its unit is 'degrees', which is none of length"):
+        read(written(write_omf, tmp_path / "a.omf", vertices, faces, "degrees"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('stride="3"', 'stride="nan"', r"<accessor> stride is 'nan'; want 1 whole numbers"),
+        ('stride="3"', 'stride="1e300"', r"<accessor> stride is '1e300'; want 1 whole numbers"),
+        ('stride="3"', f'stride="{2**62}"', rf"<accessor> has stride {2**62} and offset 0"),
+        ('<input offset="0"', '<input offset="-1"', r"<triangles> has inputs of offsets \[-1\]; want 0 or more"),
+        ("<p>", "<p>1.7 1 2 ", r"<triangles> is '1\.7 1 2 .*; want whole numbers"),
+        ("<p>", "<p>99999999999999999999 1 2 ", r"<triangles> is '9999.*; want whole numbers"),
+        ("<p>", "<p>0 ", r"<triangles> lists \d+ numbers, of 3 each"),
+        ('places-array">', 'places-array">7 ', r"<float_array> states \d+ numbers and has \d+"),
+        ('<float_array count="', '<float_array count="99999999', r"<float_array> states 99999999\d+ numbers and has"),
+    ],
+)
+def test_a_number_of_a_collada_file_that_would_move_all_behind_it_is_refused(tmp_path, old, new, message):
+    vertices, faces, _ = crossing_tunnels()
+    path = written(write_collada, tmp_path / "a.dae", vertices, faces)
+    assert path.read_text().count(old) == 1
+    path.write_text(path.read_text().replace(old, new))
+    with pytest.raises(InputError, match=message):
+        read(path)
+
+
+def instanced(path, vertices, faces, kinds, places, prototype=""):
+    """Write a mesh by usd-core, and an instancer whose prototype has it."""
+    text = written(write_usd, path, vertices, faces).read_text()
+    text = text[: text.index('def Xform "Above"')].replace('def "Rock"', 'class "Rock"')
+    path.write_text(
+        f"""{text}
+def PointInstancer "Field"
+{{
+    int[] protoIndices = {kinds}
+    point3f[] positions = {places}
+    rel prototypes = </Field/Kind>
+    def Xform "Kind"
+    {{
+        def Xform "Part" (
+            instanceable = true
+            references = </Rock>
+        )
+        {{
+        }}
+        {prototype}
+    }}
+}}
+"""
+    )
+    return path
+
+
+def test_instances_of_a_usd_prototype_that_is_an_instance_itself_are_read(tmp_path):
+    vertices, faces, volume = crossing_tunnels()
+    cone = 'def Cone "Mark"\n{\n}'
+    found, remarks = read(instanced(tmp_path / "a.usda", vertices, faces, [0, 0], [(0, 0, 0), (0, 0, 20)], cone))
+    assert trimesh.Trimesh(found.vertices, found.faces).volume == pytest.approx(2 * volume, rel=1e-5)
+    assert found.vertices[:, 2].max() == pytest.approx(vertices[:, 2].max() + 20)
+    assert remarks == "a.usda: not read: 1 Cone of an instance"
+
+
+@pytest.mark.parametrize(("kinds", "places"), [([0, 0], [(0, 0, 0)]), ([5], [(0, 0, 0)]), ([-1], [(0, 0, 0)])])
+def test_instances_of_a_usd_file_that_do_not_fit_its_prototypes_are_refused(tmp_path, kinds, places):
+    vertices, faces, _ = crossing_tunnels()
+    with pytest.raises(InputError, match=r"/Field: its instances, places and prototypes do not fit each other"):
+        read(instanced(tmp_path / "a.usda", vertices, faces, kinds, places))
+
+
+def test_a_usd_file_with_another_axis_up_than_usd_has_is_refused(tmp_path):
+    vertices, faces, _ = crossing_tunnels()
+    path = written(write_usd, tmp_path / "a.usda", vertices, faces)
+    path.write_text(path.read_text().replace('upAxis = "Z"', 'upAxis = "X"'))
+    with pytest.raises(InputError, match=r"a\.usda: upAxis is 'x'; want Y or Z"):
+        read(path)
+
+
 def test_a_unit_without_a_name_is_read_in_metres_and_listed(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    found, remarks = read(collada_file(tmp_path / "a.dae", vertices / 0.5, faces, 0.5, "Z_UP"))
+    found, remarks = read(written(write_collada, tmp_path / "a.dae", vertices / 0.5, faces, 0.5, "Z_UP"))
     assert found.unit == "m"
     np.testing.assert_allclose(found.vertices, vertices, atol=1e-5)
     assert "states a unit of 0.5 m; its coordinates are read in metres" in remarks
@@ -262,7 +289,9 @@ def test_a_unit_without_a_name_is_read_in_metres_and_listed(tmp_path):
 
 def test_a_solid_that_states_its_unit_is_detected_without_a_guess(tmp_path):
     vertices, faces, _ = crossing_tunnels()
-    path = landxml(tmp_path / "a.xml", vertices[:, [1, 0, 2]] / 0.3048, faces, '<Imperial linearUnit="foot"/>')
+    path = written(
+        write_landxml, tmp_path / "a.xml", vertices[:, [1, 0, 2]] / 0.3048, faces, '<Imperial linearUnit="foot"/>'
+    )
     with collect_remarks() as remarks:
         found = detect_survey(path, StatedOptions())
     assert (found.values["kind"], found.values["unit"]) == ("solid", "ft")

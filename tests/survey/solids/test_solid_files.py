@@ -32,7 +32,11 @@ def closed(path, largest_hole_m=HOLE_M, layers=None):
 
 
 @pytest.mark.parametrize(
-    "name", ["a.obj", "a.stl", "a.ply", "a.glb", "a.dtm", "MESH.dxf", "POLYFACE.dxf", "3DFACE.dxf"]
+    "name",
+    [
+        *("a.obj", "a.stl", "a.ply", "a.glb", "a.dtm", "a.xml", "a.dae", "a.omf"),
+        *("MESH.dxf", "POLYFACE.dxf", "3DFACE.dxf"),
+    ],
 )
 def test_a_solid_has_the_same_volume_and_place_from_every_format(tmp_path, name):
     vertices, faces, volume = crossing_tunnels()
@@ -41,7 +45,7 @@ def test_a_solid_has_the_same_volume_and_place_from_every_format(tmp_path, name)
     assert found.solid.volume() == pytest.approx(volume, abs=1e-4)
     assert found.solid.bounding_box() == pytest.approx((*vertices.min(axis=0), *vertices.max(axis=0)), abs=1e-5)
     assert (len(found.solids), found.holes, found.turned, found.flipped) == (1, [], 0, 0)
-    assert read.unit == ("m" if name.endswith(("glb", "dxf")) else None)
+    assert read.unit == (None if name.endswith(("obj", "stl", "ply", "dtm")) else "m")
 
 
 def test_points_of_a_triangulation_are_numbered_with_the_records_between_strings_where_their_numbers_need_it(tmp_path):

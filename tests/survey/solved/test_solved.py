@@ -52,6 +52,21 @@ def test_a_file_of_an_earlier_version_is_refused_with_what_converts_it(tmp_path)
         read_3d(write(tmp_path, {"old.3d": head(7)}))
 
 
+@pytest.mark.parametrize(("crs", "unit"), [("EPSG:2263", "US survey foot"), ("EPSG:4326", "degree")])
+def test_a_survey_in_a_system_of_another_unit_is_refused_as_its_legs_are_metres(tmp_path, crs, unit):
+    path = write(tmp_path, {"mine.3d": ring_3d().replace(b"EPSG:32719", crs.encode())})
+    with pytest.raises(InputError, match=rf"mine\.3d: its coordinate system '{crs}' counts in {unit}, not in metres"):
+        solve_file(path)
+
+
+@needs_cavern
+def test_a_survex_project_whose_result_is_in_feet_is_refused(tmp_path):
+    text = "*cs EPSG:32618\n*cs out EPSG:2263\n*fix 1 600000 4500000 0\n"
+    text += "*data normal from to tape compass clino\n1 2 9 0 0\n"
+    with pytest.raises(InputError, match=r"a\.svx: its coordinate system 'EPSG:2263' counts in US survey foot"):
+        solve_file(write(tmp_path, {"a.svx": text}))
+
+
 @pytest.mark.parametrize("cut", [0, 5, 22, 30, 47, 60, 100, len(ring_3d()) - 1])
 def test_a_file_that_is_cut_off_is_refused(tmp_path, cut):
     with pytest.raises(InputError, match=r"not a Survex .3d file|cut off"):

@@ -1,11 +1,13 @@
 """Therion's binary models and project files; Therion 6.1.6 wrote `therion/cave.lox` from the files beside it."""
 
 import shutil
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from benchmarks.fuzzing.surveys import ring_lox
 from minesurveys.remarks import collect_remarks
 from minesurveys.solved.model import LegFlag, StationFlag
 from minesurveys.solved_surveys import solve_file, survey_files
@@ -79,6 +81,27 @@ def test_a_leg_of_a_station_that_the_model_lacks_is_refused(tmp_path):
     data[at : at + 4] = (77).to_bytes(4, "little")
     (tmp_path / "a.lox").write_bytes(data)
     with pytest.raises(InputError, match=r"a\.lox: a leg of station number 77"):
+        solve_file(tmp_path / "a.lox")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (struct.pack("<6I", 0, 0, 5, 0, 0, 0), struct.pack("<6I", 0, 2**32 - 9, 5, 0, 0, 0), "a name that lies behind"),
+        (struct.pack("<3I", 0, 2, 2), struct.pack("<3I", 0, 2, 2**32 - 1), "a name that lies behind the texts"),
+        (struct.pack("<d", 2.5), struct.pack("<d", np.inf), r"a wall inf m beside its station, at most 300"),
+        (struct.pack("<d", 2.5), struct.pack("<d", 1e9), r"a wall 1e\+09 m beside its station, at most 300"),
+        (struct.pack("<4I", 3, 0, 6, 2), struct.pack("<4I", 2, 0, 6, 2), "two stations have one number"),
+        (struct.pack("<4I", 2, 208, 4, 8), struct.pack("<4I", 2, 0, 2**32 - 1, 0), "no block of a .lox file"),
+    ],
+)
+def test_a_model_of_therion_that_would_lose_a_name_or_a_wall_is_refused(tmp_path, old, new, message):
+    data = ring_lox()
+    assert old in data
+    (tmp_path / "a.lox").write_bytes(data)
+    assert solve_file(tmp_path / "a.lox").names == ("mine.0", "mine.1", "mine.2", "mine.3")
+    (tmp_path / "a.lox").write_bytes(data.replace(old, new))
+    with pytest.raises(InputError, match=message):
         solve_file(tmp_path / "a.lox")
 
 

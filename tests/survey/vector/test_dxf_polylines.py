@@ -151,8 +151,9 @@ def test_a_polygon_mesh_that_another_made_is_a_tube_of_60_m():
         (21, "ft", ""),
         (6, "m", ""),
         (0, None, ""),
-        (14, None, "decimetres"),
-        (10, None, "yards"),
+        (14, None, "Decimeters"),
+        (10, None, "Yards"),
+        (24, None, "USSurveyMile"),
     ],
 )
 def test_a_stated_unit_is_used_or_named(tmp_path, capsys, code, unit, said):

@@ -7,39 +7,16 @@ import subprocess
 import numpy as np
 import pytest
 
+from benchmarks.fuzzing.surveys import WALLS
 from minesurveys.solved_surveys import solve_file, survey_files
 from minesurveys.walls.project import copy_of
 from minesurveys.walls.sections import _passages
 from pipeline.errors import InputError
 from tests.solved import position_of, read_passages
 
-SHOTS = "#units meters order=dav\n#fix A 100 200 30\nA B 10 90 0 <1,2,3,4>\nB C 5 0 90\n"
-PROJECT = """.BOOK\tA mine
-.NAME\tmine
-.STATUS\t7
-.BOOK\tNorth
-.NAME\tNORTH
-.PATH\tSub\\North
-.SURVEY\tThe main drift
-.NAME\tMAIN
-.STATUS\t8
-.SURVEY\tPictures
-.NAME\tpictures.zip
-.STATUS\t65536
-.SURVEY\tOld
-.NAME\told
-.STATUS\t2
-.ENDBOOK
-.SURVEY\tGone
-.NAME\tgone
-.PATH\tnowhere
-.STATUS\t8
-.SURVEY\tSouth
-.NAME\tsouth
-.STATUS\t8
-.ENDBOOK
-"""
-FILES = {"mine.wpj": PROJECT, "sub/north/main.srv": SHOTS, "south.srv": "#units meters\nC D 7 0 0\n"}
+SHOTS = WALLS["sub/north/main.srv"].decode()
+PROJECT = WALLS["mine.wpj"].decode()
+FILES = {name: data.decode() for name, data in WALLS.items()}
 
 
 def version():
@@ -153,6 +130,13 @@ def test_cross_sections_have_their_units_order_and_station(tmp_path):
         ],
     )
     assert [name for name, _ in second] == ["X:A3", "X:A5"]
+
+
+def test_a_distance_that_is_no_number_is_not_measured(tmp_path):
+    (tmp_path / "a.srv").write_text("A B 1 0 0 <.,.i.,1.i,.5>\nB C 1 0 0 <i,f,--,2>\n")
+    ((_, first), (_, second), _) = _passages(tmp_path / "a.srv", "")[0]
+    np.testing.assert_allclose(first, (np.nan, np.nan, 0.3048, 0.5))
+    np.testing.assert_allclose(second, (np.nan, np.nan, np.nan, 2))
 
 
 @needs_walls
