@@ -59,9 +59,10 @@ def read_lox(path: Path) -> SolvedSurvey:
     if unknown is not None:
         raise InputError(f"{path}: a leg of station number {unknown}, which it does not have; it is broken")
     ends = np.array([[row[int(end)] for end in pair] for pair in shots["ends"]], np.int64).reshape(-1, 2)
-    if np.isinf(shots["lrud"]).any() or shots["lrud"].max() > reader_limits().farthest_wall_m:
+    far_m = shots["lrud"][shots["lrud"] > reader_limits().farthest_wall_m]
+    if len(far_m):
         most = f"{reader_limits().farthest_wall_m:g} (farthest_wall_m in {FILE})"
-        raise InputError(f"{path}: a wall {shots['lrud'].max():g} m beside its station, at most {most}")
+        raise InputError(f"{path}: a wall {far_m.max():g} m beside its station, at most {most}")
     lrud = np.where(shots["lrud"] >= 0, shots["lrud"], np.nan)  # negative: not measured
     passages = _passages(ends[shots["section"] > 0], lrud[shots["section"] > 0])
     drawn = (shots["flags"] & _HIDDEN) == 0
