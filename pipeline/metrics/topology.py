@@ -77,31 +77,37 @@ def _without_specks(plan: Polygon, world: Polygon, corner_m: float) -> list[Poly
     """Remove islands that the pixels of a mask do not decide, from both outlines.
 
     These are islands of a few pixels, and those within `corner_m` of other rock: they arise at pointed or thin rock,
-    where pixels touch by a corner only. Such an island stays where the other outline has a sure one.
+    where pixels touch by a corner only. Of those that meet a sure island of the other outline, which meets no sure one
+    of their own, the largest stays.
     """
-    islands = [[Polygon(ring) for ring in outline.interiors] for outline in (plan, world)]
+    islands = [shapely.polygons(np.array(outline.interiors, dtype=object)) for outline in (plan, world)]
     is_sure = [_are_sure(outline, corner_m) for outline in (plan, world)]
-    sure = [
-        shapely.union_all([island for island, kept in zip(*pair, strict=True) if kept])
-        for pair in zip(islands, is_sure, strict=True)
-    ]
     return [
-        Polygon(
-            outline.exterior,
-            [one.exterior for one, kept in zip(own, is_own, strict=True) if kept or one.intersects(of_other)],
+        Polygon(outline.exterior, [one.exterior for one in (*own[sure], *_largest_at(own[~sure], own[sure], of_other))])
+        for outline, own, sure, of_other in zip(
+            (plan, world), islands, is_sure, (islands[1][is_sure[1]], islands[0][is_sure[0]]), strict=True
         )
-        for outline, own, is_own, of_other in zip((plan, world), islands, is_sure, sure[::-1], strict=True)
     ]
 
 
-def _are_sure(outline: Polygon, corner_m: float) -> list[bool]:
-    """Return of each island of an outline whether it is larger than a speck and apart from other rock than specks."""
+def _largest_at(unsure: np.ndarray, sure: np.ndarray, of_other: np.ndarray) -> list[Polygon]:
+    """Return the largest unsure island at each island of the other outline that meets no sure one."""
+    met = shapely.STRtree(sure).query(of_other, predicate="intersects")[0]
+    lone = np.delete(of_other, np.unique(met))
+    at, found = shapely.STRtree(unsure).query(lone, predicate="intersects")
+    area = shapely.area(unsure)
+    return [unsure[max(found[at == k], key=lambda one: area[one])] for k in np.unique(at)]
+
+
+def _are_sure(outline: Polygon, corner_m: float) -> np.ndarray:
+    """Return which islands (n,) of an outline are larger than a speck, and apart from other rock but specks."""
     islands = shapely.polygons(np.array(outline.interiors, dtype=object))
     large = shapely.area(islands) > _SPECK_M2
     rock = shapely.STRtree([outline.exterior, *islands[large]])
     near = rock.query(islands, predicate="dwithin", distance=corner_m)[0]
     alone = np.bincount(near, minlength=len(islands)) == 1  # itself
-    return (large & alone).tolist()
+    found: np.ndarray = large & alone
+    return found
 
 
 def _count_unmatched(drifts: DriftNetwork, among: DriftNetwork) -> int:

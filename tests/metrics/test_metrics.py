@@ -159,6 +159,16 @@ def test_a_pillar_with_a_pixel_at_its_corner_is_an_island():
     assert (found.loops_plan, found.loops_world, found.loops_difference) == (1, 0, 1)
 
 
+def test_a_pixel_at_the_corner_of_a_pillar_is_no_second_island_where_the_world_has_it_in_the_pillar():
+    hall, pillar = shapely.box(0, 0, 20, 12), shapely.box(9, 5, 11, 7)
+    plan, world, frame = masks(*[hall.difference(pillar)] * 2)
+    row, col = np.nonzero(~plan[1:-1, 1:-1] & (fill_polygon(hall, frame)[1:-1, 1:-1]))
+    row, col = row.min(), col.max() + 2
+    plan[row, col] = world[row : row + 2, col] = False  # in the world a second pixel joins it to the pillar
+    found = compare_topology(plan, world, frame, 0.1, 2.0)
+    assert (found.loops_plan, found.loops_world, found.loops_difference) == (1, 1, 0)
+
+
 def test_a_lost_drift_and_an_added_drift_are_counted_separately():
     straight = shapely.box(0, 0, 80, 5)
     lost = compare_topology(*masks(TEE, straight), 0.25, 2.0)
