@@ -20,7 +20,7 @@ _LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;\\]+)", re.MULTILINE)
 _WARP = "MuJoCo Warp follows MuJoCo's minor version"
 REASONS = {  # why a package is not locked at its newest version
     "gymnasium": "the extra `baselines` alone: Ray 2.60 pins 1.2.2",
-    "mujoco": "4.0.0's Newton solver is wrong with a sparse Jacobian (`findings/mujoco-4.0-sparse-newton-wrong.sh`); "
+    "mujoco": "4.0.0's Newton solver is wrong with a sparse Jacobian (`findings/mujoco-4-sparse-newton-wrong.sh`); "
     "4.0.1, which mends it, is to be judged: contacts of cylinders with edges change there, too",
     "mujoco-warp": _WARP,
     "opencv-python-headless": "5.0 is not judged: contours and pictures decide the default world's hash",

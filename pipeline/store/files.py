@@ -106,7 +106,7 @@ def replace_folder(folder: Path, files: Mapping[str, bytes], ours: Written) -> N
     work = _work_folder(folder)
     new, old = work / _NEW, work / _OLD
     with _disk_errors(folder), uninterrupted():  # a second; threads that write would go on after an interrupt
-        before = written_files(folder, ours)
+        before = written_files(folder, ours) | {name: "" for name in ours if name.endswith("/")}  # and empty folders
         _begin(work, {_NEW: {n: [sha256_bytes(data), len(data)] for n, data in files.items()}, _OLD: before})
         try:
             new.mkdir()

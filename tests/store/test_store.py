@@ -80,6 +80,14 @@ def test_nan_is_never_written_to_json(tmp_path):
         encode(tmp_path / "x.json", {"a": float("nan")})
 
 
+def test_a_folder_with_an_empty_one_in_it_is_replaced(tmp_path):
+    folder = tmp_path / "surface"
+    replace_folder(folder, {"a.txt": b"light", "rock/": b""}, {})
+    replace_folder(folder, {"a.txt": b"rough", "rock/b.txt": b"rough"}, {"a.txt": None, "rock/": None})
+    assert (folder / "rock/b.txt").read_bytes() == b"rough"
+    assert [path.name for path in tmp_path.iterdir()] == ["surface"]
+
+
 def test_a_folder_is_replaced_completely_or_not_at_all(tmp_path, monkeypatch):
     folder = tmp_path / "stage"
     replace_folder(folder, {"a.txt": b"old", "sub/b.txt": b"old"}, {})

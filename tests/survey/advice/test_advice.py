@@ -17,6 +17,10 @@ from tests.survey.advice import of_bodies, of_lines, of_pictures
 CASES = {**of_lines.CASES, **of_pictures.CASES, **of_bodies.CASES}
 # Refusals whose advice another test follows, by words of the message.
 ELSEWHERE = {
+    "nothing is left of its lines": (
+        "tests/survey/vector/test_centrelines.py"
+        "::test_lines_that_all_fall_on_one_place_are_refused_with_their_span_and_the_unit"
+    ),
     "fill more than": "tests/survey/clouds/test_cloud_volume.py::test_more_voxels_than_the_limit_are_refused",
     "no point has another elevation": (
         "tests/survey/vector/test_missing_elevations.py"
