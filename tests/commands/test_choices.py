@@ -6,7 +6,7 @@ import pytest
 
 from pipeline.places import CONF
 from stages.__main__ import STAGES
-from tests.project import ROOT
+from tests.project import ROOT, Project
 
 NOT_THE_PIPELINES = {"train"}  # the baselines' configuration
 NEEDS = {"survey=plan": "the fetched plan", "survey=variant": "another mine's workings"}  # see the tests of these
@@ -18,9 +18,9 @@ CHOICES = sorted(
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory, repro):
-    """Return a project with a small survey; a choice reruns only the stages that it changes."""
-    project = repro.copy(tmp_path_factory.mktemp("choices") / "mine")
+def whole(tmp_path_factory):
+    """Return a project with the embedded survey; a choice reruns only the stages that it changes."""
+    project = Project(tmp_path_factory.mktemp("choices") / "mine", tiny=False)
     (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")  # the copy uses the tests' environment
     return project
 
