@@ -38,7 +38,7 @@ test: setup  ## run the tests, without the slow ones
 	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 3 --dist worksteal -m "not slow"
 
 test-slow: setup  ## run the slow tests
-	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -m slow
+	@OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal --durations=12 -m slow
 
 check: setup  ## lint, types, import contracts, dvc.yaml up to date
 	@ruff check . && ruff format --check . && mypy && lint-imports && $(PY) -m stages | cmp - dvc.yaml

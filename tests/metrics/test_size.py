@@ -24,7 +24,7 @@ def test_bytes_that_every_world_has_do_not_count_and_a_wide_room_has_more_rock_t
 
 
 def test_the_cost_of_loading_counts_by_area_and_parts_by_metres_of_wall():
-    assert load_per_m2(0.25, 115, 2000) == {"load_s": 0.0001, "load_memory_mb": 0.05}
+    assert load_per_m2(0.25, 160, 2000) == {"load_s": 0.0001, "load_memory_mb": 0.05}
     assert load_per_m2(0.01, 10, 2000)["load_s"] == 0
     assert parts_per_wall_m(4 * PARTS_PER_CORNER + 21, DRIFT) == 0.1
     assert parts_per_wall_m(4, DRIFT) == 0
