@@ -41,21 +41,28 @@ def changes() -> dict[str, Change]:
     measure = metric[metric.index("def steepest_grade") : metric.index("def drive")].rstrip() + "\n"
     return {
         "a survey format": {
-            "minesurveys/wkt.py": _without_last_line(blocks("A survey format")[0]).replace(
+            "minesurveys/vector/wkt.py": _without_last_line(blocks("A survey format")[0]).replace(
                 "from minesurveys.formats import FileKind, Format\n", ""
             ),
             "minesurveys/formats.py": [
                 _after(
                     "FORMATS: dict[str, Format] = {\n",
-                    '    ".wkt": Format(FileKind.VECTOR, shapes="minesurveys.wkt:read_wkt"),\n',
+                    '    ".wkt": Format(FileKind.VECTOR, shapes="minesurveys.vector.wkt:read_wkt"),\n',
                 )
             ],
             "benchmarks/fuzzing/samples.py": [
                 _after("Files]] = {\n", '    "wkt": lambda: {"m.wkt": b"POLYGON ((0 0, 60 0, 60 5, 0 5, 0 0))\\n"},\n')
             ],
+            "benchmarks/tables/statements.csv": [
+                _after(
+                    "format,states,outcome,how,test\n",
+                    ".wkt,nothing,used,They are metres.,tests/survey/test_wkt.py::test_a_line_of_text_is_a_drift\n",
+                )
+            ],
             "tests/survey/test_wkt.py": """
 from benchmarks.fuzzing.readers import READERS
 from benchmarks.fuzzing.samples import SAMPLES
+from benchmarks.tables.reference import STATEMENTS
 from pipeline.survey.detect import detect_survey
 
 
@@ -64,6 +71,7 @@ def test_a_line_of_text_is_a_drift(tmp_path):
     (tmp_path / name).write_bytes(data)
     assert detect_survey(tmp_path / name).values["kind"] == "vector"
     assert "wkt" in READERS
+    assert f"tests/survey/test_wkt.py::{test_a_line_of_text_is_a_drift.__name__}" in STATEMENTS.read_text()
 """,
         },
         "a metric with a limit": {
@@ -210,15 +218,15 @@ def test_the_method_gives_a_hull_a_tile():
 """,
         },
         "a sensor": {
-            "minexplore/sensors/kinds/altimeter.py": blocks("A sensor")[0],
-            "tests/minexplore/sensors/test_altimeter.py": """
+            "minexplore/sensors/kinds/barometer.py": blocks("A sensor")[0],
+            "tests/minexplore/sensors/test_barometer.py": """
 from minexplore.sensors.page import sensors_section
 from minexplore.sensors.table import sensor_names
 
 
 def test_the_sensor_is_a_choice_and_has_a_row():
-    assert "altimeter" in sensor_names()
-    assert "| `altimeter` | (1,) float32 |" in sensors_section()
+    assert "barometer" in sensor_names()
+    assert "| `barometer` | (1,) float32 |" in sensors_section()
 """,
         },
         "an observation": {

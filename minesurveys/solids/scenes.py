@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -17,6 +19,9 @@ from minesurveys.solids.stated_metres import LayerMesh, StatedMeshes, metres_in_
 
 _STL_HEAD = 84  # bytes before the first triangle of a binary STL file
 _GLB = ".glb"  # in metres and with y up, by the format's own rule
+_GLB_HEAD, _GLB_CHUNK = 12, 20  # bytes before the length of a GLB file's JSON, and before that JSON
+_QUANTIZED = "KHR_mesh_quantization"
+_OF_LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_")  # extensions that move no corner
 
 
 def read_scene(path: Path, data: bytes) -> StatedMeshes:
@@ -40,6 +45,8 @@ def read_ply(path: Path, data: bytes) -> StatedMeshes:
 
 def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[LayerMesh]:
     """Yield name, vertices and faces of each mesh of a file that trimesh reads; it opens no other file."""
+    if suffix == _GLB:
+        _require_known_extensions(path, data)
     try:
         if suffix == ".obj":
             data = with_triangles(data)
@@ -58,6 +65,26 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[LayerMesh]:
             faces = faces[:, ::-1] if np.linalg.det(transform[:3, :3]) < 0 else faces  # a mirror
             steps = np.abs(transform[:3, :3]) @ steps_of_floats(mesh.vertices) if is_single else np.zeros(3)
             yield LayerMesh(str(name), vertices, faces, steps)
+
+
+def _require_known_extensions(path: Path, data: bytes) -> None:
+    """Refuse a GLB file whose corners trimesh would read elsewhere (findings/trimesh-glb-shares-as-metres.sh).
+
+    glTF 2.0, section 3.12: a file that requires an extension is not to be loaded without it.
+    """
+    try:
+        size = int.from_bytes(data[_GLB_HEAD : _GLB_HEAD + 4], "little")
+        stated: dict[str, Any] = json.loads(data[_GLB_CHUNK : _GLB_CHUNK + size])
+        needed = [str(name) for name in stated.get("extensionsRequired", []) if not str(name).startswith(_OF_LOOKS)]
+        used = [part["attributes"]["POSITION"] for mesh in stated.get("meshes", []) for part in mesh["primitives"]]
+        shares = any(stated["accessors"][number].get("normalized") for number in used)
+    except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
+        return  # trimesh says what is wrong
+    unread = ["corners as shares of an integer's range"] if shares else [name for name in needed if name != _QUANTIZED]
+    if unread:
+        raise InputError(
+            f"{path}: its meshes need {unread[0]}, which is not read; export it without compression or quantization"
+        )
 
 
 def _is_binary_stl(data: bytes) -> bool:

@@ -198,5 +198,6 @@ def _way(text: str, found: list[tuple[str, str]]) -> str:
     lines.append(f"*data normal {order}")
     return (
         f"Survex reads them: in a file .svx write {', '.join(repr(line) for line in lines)}, each on a line of its "
-        "own, and below them the rows with blanks between their fields; angles of the compass count from north"
+        "own, and below them the rows with blanks between their fields, '-' for an empty reading and '..' for an empty "
+        "station; angles of the compass count from north"
     )

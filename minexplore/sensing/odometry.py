@@ -65,7 +65,7 @@ class WheelOdometry:
         self._rngs: list[np.random.Generator | None] = [None] * count
 
     def begin(self, robot: int, rng: np.random.Generator) -> None:
-        """Draw a robot's errors for an episode from a child of its generator, which itself is left as it is."""
+        """Draw a robot's errors for an episode from a child of its generator, whose next numbers stay."""
         own = rng.spawn(1)[0]
         self._rngs[robot] = own
         self._drift[robot] = own.normal(0.0, self._fit.heading_drift_radpm)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar
+from zlib import crc32
 
 import gymnasium
 import numpy as np
@@ -21,11 +22,13 @@ KINDS: list[type[SensorKind]] = []  # all that were defined; `minexplore.sensors
 class SensorKind(ABC):
     """A sensor on one robot, or several that share their parts, as the images of one camera do.
 
-    A subclass in a module of `minexplore.sensors.kinds` is a sensor of every environment: its `NAMES` are choices of
+    A subclass in a module of `minexplore.sensors.kinds` is a sensor of every environment: its `names()` are choices of
     `sensors=` and `capture`, recordings hold its `messages`, and the environment's page has its row.
     """
 
-    CHANGES: ClassVar[tuple[str, ...]] = ()  # attributes that change in an episode; copies of an environment take them
+    CHANGES: ClassVar[
+        tuple[str, ...]
+    ] = ()  # what `begin` and `read` set; copies of an environment copy these attributes
 
     @classmethod
     @abstractmethod
@@ -51,17 +54,22 @@ class SensorKind(ABC):
         self.robot = robot
 
     def begin(self, rng: np.random.Generator) -> None:  # noqa: B027  most draw nothing
-        """Begin an episode. What draws here draws from a child of `rng`, so that other sensors' numbers stay.
+        """Begin an episode. What draws, here or in `read`, draws from `own_rng(rng)`: other sensors' numbers stay.
 
-        The IMU alone draws from `rng` itself.
+        The sensors of this package draw from `rng` itself: published results have their numbers.
         """
+
+    def own_rng(self, rng: np.random.Generator) -> np.random.Generator:
+        """Return a generator for this kind of sensor in this episode; `rng` is that of `begin`, and stays as it is."""
+        name = f"{type(self).__module__}.{type(self).__qualname__}".encode()
+        return np.random.default_rng([rng.bit_generator.state["state"]["state"], crc32(name)])
 
     @abstractmethod
     def read(self, name: str, rng: np.random.Generator) -> Any:
         """Return what the sensor reads now; `rng` is that of all sensors of the robot."""
 
     def observed(self, name: str, reading: Any) -> np.ndarray:
-        """Return a reading as an array of its space."""
+        """Return a reading as an array of its space, clipped: a beam that hits nothing must be 0 here, not infinite."""
         space = self.space(name)
         found: np.ndarray = np.clip(reading, space.low, space.high).astype(space.dtype)
         return found

@@ -17,12 +17,17 @@ _FOLDER = Path(__file__).parent / "kinds"
 
 
 def kinds() -> tuple[type[SensorKind], ...]:
-    """Return all kinds of sensors; their modules are imported when this is first asked for."""
+    """Return all kinds of sensors, the package's own first and by the names of their files, in whatever order imported.
+
+    Their modules are imported when this is first asked for.
+    """
     from minexplore.sensors.kind import KINDS
 
     for module in sorted(found.name for found in iter_modules([str(_FOLDER)])):
         import_module(f"{__package__}.{_FOLDER.name}.{module}")
-    return tuple(KINDS)
+    folder = f"{__package__}.{_FOLDER.name}."
+    own = sorted((kind for kind in KINDS if kind.__module__.startswith(folder)), key=lambda kind: kind.__module__)
+    return (*own, *(kind for kind in KINDS if not kind.__module__.startswith(folder)))
 
 
 def sensor_names() -> list[str]:

@@ -84,9 +84,10 @@ def test_ci_and_workflow_run_the_two_commands_of_the_readme():
     workflow = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
     runs = [step.get("run") for job in workflow["jobs"].values() for step in job["steps"]]
     for command in ("make all", "make test"):
-        assert command in script.splitlines()
+        assert f"part {command}" in script.splitlines()
         assert command in runs
         assert f"\n{command}" in (ROOT / "README.md").read_text()
+    assert script.splitlines()[-1] == "part make test-slow"
 
 
 def test_git_tracks_only_data_with_a_clear_licence():

@@ -27,7 +27,7 @@ from tests.mines import TEE
 from tests.project import ROOT
 
 ROWS = changes()
-MOST_FILES = 4
+MOST_FILES = 5
 
 
 def run_blocks(title: str) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def test_the_page_has_a_row_for_each_change():
 
 
 @pytest.mark.parametrize("row", ROWS)
-def test_a_row_costs_at_most_four_files_and_names_their_places(row):
+def test_a_row_costs_at_most_five_files_and_names_their_places(row):
     assert len(ROWS[row]) <= MOST_FILES
     places = re.findall(r"`([\w/.]+)`", rows_of_the_page()[row])
     for file in ROWS[row]:

@@ -1,5 +1,6 @@
 """Solids of workings: read from every mesh format, closed, and joined."""
 
+import json
 from types import SimpleNamespace
 
 import manifold3d
@@ -69,6 +70,33 @@ def test_a_broken_triangulation_is_refused_by_what_is_wrong(tmp_path, old, new, 
     (tmp_path / "a.dtm").write_text((tmp_path / "a.dtm").read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         closed(tmp_path / "a.dtm")
+
+
+@pytest.mark.parametrize(
+    ("needed", "shares", "message"),
+    [
+        ("EXT_meshopt_compression", False, "its meshes need EXT_meshopt_compression, which is not read"),
+        ("KHR_mesh_quantization", True, "its meshes need corners as shares of an integer's range, which is not read"),
+        ("KHR_mesh_quantization", False, None),
+        ("KHR_texture_transform", False, None),
+    ],
+)
+def test_a_glb_that_needs_an_extension_which_moves_its_corners_is_refused(tmp_path, needed, shares, message):
+    vertices, faces, volume = crossing_tunnels()
+    data = trimesh.Trimesh(vertices, faces, process=False).export(file_type="glb")
+    size = int.from_bytes(data[12:16], "little")
+    stated = json.loads(data[20 : 20 + size]) | {"extensionsRequired": [needed]}
+    for accessor in stated["accessors"]:
+        accessor["normalized"] = shares
+    chunk = json.dumps(stated).encode()
+    chunk += b" " * (-len(chunk) % 4)
+    head = (len(data) - size + len(chunk)).to_bytes(4, "little") + len(chunk).to_bytes(4, "little")
+    (tmp_path / "a.glb").write_bytes(data[:8] + head + data[16:20] + chunk + data[20 + size :])
+    if message:
+        with pytest.raises(InputError, match=rf"a\.glb: {message}; export it without"):
+            closed(tmp_path / "a.glb")
+    else:
+        assert closed(tmp_path / "a.glb")[1].solid.volume() == pytest.approx(volume, abs=1e-4)
 
 
 def test_a_triangulation_without_its_strings_is_refused(tmp_path):
