@@ -87,7 +87,6 @@ def test_ci_and_workflow_run_the_two_commands_of_the_readme():
         assert f"part {command}" in script.splitlines()
         assert command in runs
         assert f"\n{command}" in (ROOT / "README.md").read_text()
-    assert script.splitlines()[-1] == "part make test-slow"
 
 
 def test_git_tracks_only_data_with_a_clear_licence():
