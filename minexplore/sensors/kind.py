@@ -26,9 +26,8 @@ class SensorKind(ABC):
     `sensors=` and `capture`, recordings hold its `messages`, and the environment's page has its row.
     """
 
-    CHANGES: ClassVar[
-        tuple[str, ...]
-    ] = ()  # what `begin` and `read` set; copies of an environment copy these attributes
+    # Attributes that `begin` and `read` set; copies of an environment copy them.
+    CHANGES: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     @abstractmethod

@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 # Of a drift of 15 x 1.6 m, whose world has 1.25 MB (0.48 MB of texture, 0.57 MB of preview, 0.05 MB of other files).
-# MuJoCo needs more memory for a face of a small world: 177 MB for 160,000 faces and 2,217 MB for 2.5 million, on a line
-# from 37 MB. The peak differs by some 10 MB between runs.
+# MuJoCo needs more memory for a face of a small world: 188 MB for 160,000 faces, 11 of them for a texture of 1,024 px,
+# and 2,217 MB for 2.5 million, on a line from 49 MB. The rest of the 60 is a texture more.
 FIXED_BYTES, FIXED_LOAD_S, FIXED_LOAD_MB = 1_100_000, 0.05, 60.0
 PARTS_PER_CORNER = 2  # a corner keeps two cuts at most; 22 maps and plans have 0.5 to 1.0 parts a corner
 
