@@ -97,3 +97,16 @@ def test_git_tracks_only_data_with_a_clear_licence():
     theirs |= {f"data/sakany/{name}" for name in ("Sakany_nodes.dat", "Sakany_links.dat", "LICENSE.md")}  # CC0
     allowed = ours | theirs | {"data/registry.txt", "data/README.md", "data/raw/.gitignore"}
     assert set(tracked) <= allowed
+
+
+def test_ci_runs_all_tests_and_ends_with_a_message_when_its_minutes_are_spent(tmp_path):
+    text = (ROOT / ".ci/run").read_text()
+    assert re.findall(r"^part (.+)", text, flags=re.M) == ["make all", "make test", "make test-slow"]
+    minutes = "minutes=75 "
+    assert minutes in text
+    (tmp_path / ".ci").mkdir()
+    (tmp_path / ".ci/run").write_text(text.replace(minutes, "minutes=0 "))
+    (tmp_path / "Makefile").write_text("setup-witness:\nall:\n\tsleep 30\n")
+    done = subprocess.run(["bash", tmp_path / ".ci/run"], capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "CI: its 0 minutes were spent before the end of `make all`" in done.stderr
