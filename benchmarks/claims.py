@@ -104,7 +104,7 @@ def geometry(e: Figures) -> list[Claim]:
               "104,423 + 14,577 = 119,000: it is the rock outside the tunnel"),
         Claim(f"island {stated('areas.islands_m2'):,.0f} m2", f"{island:,.0f} m2", "make all", near(island, stated("areas.islands_m2"), 0.01), "at 7.82 px/m; the paper's 7.65 px/m makes it 4 % larger"),
         Claim("697 x 188 m at 1.36 px/m", f"{width:.0f} m wide at {e.metric('scale.px_per_m'):.2f} px/m", "make all", near(width, 697, 0.05),
-              "1.36 px/m belongs to a copy a fifth the size; the poses imply 7.62 px/m (docs/evidence/certificate.md)"),
+              "1.36 px/m belongs to a copy a fifth the size; the poses imply 7.64 px/m (docs/evidence/certificate.md)"),
         Claim("one loop round the island", f"{e.metric('topology.loops_world'):.0f} loop", "make all", near(e.metric("topology.loops_world"), 1, 0), "kept through all stages"),
         Claim("floor zones of 119 x 102 m", f"thirds of {zone:.0f} m, the whole floor", "make all", CONTRADICTS, "3 x 119 m cannot part 697 m: they are half-extents"),
         Claim("incline 5 deg", f"{e.metric('world.tilt_deg'):.3f} deg", "make all", near(e.metric("world.tilt_deg"), stated("world.tilt_deg"), 1e-3), "the world's body is turned as a whole"),
