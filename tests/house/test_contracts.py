@@ -101,7 +101,7 @@ def test_git_tracks_only_data_with_a_clear_licence():
 
 def test_ci_runs_all_tests_and_ends_with_a_message_when_its_minutes_are_spent(tmp_path):
     text = (ROOT / ".ci/run").read_text()
-    assert re.findall(r"^part (.+)", text, flags=re.M) == ["make all", "make test", "make test-slow"]
+    assert re.findall(r"^part (.+)", text, flags=re.M) == ["make all", "make test"]
     minutes = "minutes=75 "
     assert minutes in text
     (tmp_path / ".ci").mkdir()
