@@ -23,7 +23,6 @@ from pipeline.survey.clouds.volume import ScannedVolume, volume_of_cloud
 from pipeline.survey.detection.cloud import resolution
 from pipeline.survey.solids.read import MOST_FACETS
 from pipeline.types import ClosedMesh
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.solid import volume_of_solid
 
 _FLOOR_M, _WALL_M, _IOU = 0.03, 0.05, 0.97  # wanted
@@ -74,7 +73,7 @@ def compare(truth: manifold3d.Manifold, found: ScannedVolume, rng: np.random.Gen
     area = np.linalg.norm(normal, axis=1)
     facet = rng.choice(len(area), _SAMPLES, p=area / area.sum())
     places = np.einsum("ki,kij->kj", rng.dirichlet(np.ones(3), _SAMPLES), corners[facet])
-    off = Inside(volume).distance_m(places)
+    off = volume.inside.distance_m(places)
     floor = normal[facet, 2] < -0.9 * area[facet]
     rms = {
         name: round(float(np.sqrt((off[some] ** 2).mean())), 4)

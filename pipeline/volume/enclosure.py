@@ -12,7 +12,6 @@ from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.depth import Depth, deepest
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.gaps import SurfaceGap, widest_gap
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.rock.tiles import Tile
@@ -86,7 +85,7 @@ def measure_enclosure(volume: Volume, parts: list[ShellPart], faces: PartFaces |
     front = np.array([max(part.facets, key=size.__getitem__) for part in parts], int)
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
     middles = np.add.reduceat(corners.corners, corners.first[:-1]) / np.diff(corners.first)[:, None]
-    inside = Inside(volume)
+    inside = volume.inside
     doubtful = set(parts_not_cleared(volume, corners, -facets.normals[front]).tolist())
     doubtful |= set(np.flatnonzero(inside.distance_m(middles) > 0).tolist())
     bodies = [corners[k] for k in sorted(doubtful)]

@@ -15,7 +15,6 @@ from pipeline.volume.height_field.overlapping_floors import SharedFloors
 from pipeline.volume.height_field.section_floors import SectionFloors, is_leg
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.network import NEAR_M, SurveyNetwork
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.slivers import SHORT_M
 from pipeline.volume.union import STEEPEST, Solid, Volume, pieces_of
 
@@ -177,7 +176,7 @@ def _steepness(normals: np.ndarray) -> np.ndarray:
 def _share_built(volume: Volume, network: SurveyNetwork) -> float:
     """Return the share of the surveyed length that is in the free space."""
     places, owner = way_samples(network, _SAMPLE_M)
-    inside = Inside(volume).distance_m(places) > -ON_WALL_M
+    inside = volume.inside.distance_m(places) > -ON_WALL_M
     weight = network.lengths_m[owner] / np.bincount(owner)[owner]
     return float(weight[inside].sum() / weight.sum())
 
@@ -282,7 +281,7 @@ def _across(
     here, there = height - next_rise - places[:, 2], height - places[:, 2] - rise
     step = np.where(here * there < 0, 0.0, np.minimum(np.abs(here), np.abs(there)))
     over = places + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _OVER_M)])
-    free = (hit >= 0) & floor[hit] & (Inside(volume).distance_m(over) > 0)
+    free = (hit >= 0) & floor[hit] & (volume.inside.distance_m(over) > 0)
     deep = (hit >= 0) & (height < places[:, 2] - _STEP_MOST_M)
     return np.where(free, hit, -1), np.where(free, step, np.where(deep, np.inf, 0.0))
 

@@ -13,7 +13,6 @@ from pipeline.geometry.facets.separation import ROUNDING_M, ConvexBodies, Facets
 from pipeline.volume.labelled_solid import near_facets, of_facets
 from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import ON_PLANE_M
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.rays import RaysIntoRock
@@ -134,7 +133,7 @@ class _Shell:
         depth = np.einsum("nck,nk->nc", bodies.corners - tried.corners[:, :1], tried.normals).max(axis=1)
         inside, shared = self._inside(bodies), np.zeros(len(bodies))
         is_sliver = tried.areas_m2 <= SLIVER_M2  # of any normal: its part may be free, on no facet
-        for ask, are_free in ((~is_sliver & (inside > 0), _none), (is_sliver, self._are_free)):
+        for ask, are_free in ((~is_sliver & (inside > 0), _none), (is_sliver, self._volume.inside.are_free)):
             some = np.flatnonzero(ask & (inside < _SHALLOW_M))
             shared[some] = shared_m3(self._facets, list(bodies.corners[some]), are_free)
         least = np.where(is_sliver, _LEAST_M, THIN_M)
@@ -157,7 +156,7 @@ class _Shell:
     def apart(self) -> tuple[list[ShellPart], list[ShellPart]]:
         """Return the parts whose middles are in the rock, and the others: planes do not show these."""
         middles = np.array([part.corners.mean(axis=0) for part in self.parts]).reshape(-1, 3)
-        free = self._are_free(middles).tolist() if len(middles) else []
+        free = self._volume.inside.are_free(middles).tolist() if len(middles) else []
         kept = [part for part, is_free in zip(self.parts, free, strict=True) if not is_free]
         return kept, list(compress(self.parts, free))
 
@@ -190,7 +189,7 @@ class _Shell:
     def _deepest(self, parts: list[ShellPart]) -> ShellPart | None:
         """Return the part that is deepest behind its facet, of those that are hardly in the free space."""
         for part in sorted(parts, key=lambda part: -part.depth_m):
-            if not is_deeper(part.corners, HARDLY_M, self._tile, self._space, self._facets.corners):
+            if not is_deeper(part.corners, HARDLY_M, self._tile, self._volume.inside, self._facets.corners):
                 return part
         return None
 
@@ -210,17 +209,8 @@ class _Shell:
         return found
 
     @cached_property
-    def _space(self) -> Inside:
-        """Return what answers questions about a whole volume."""
-        return Inside(self._volume)
-
-    @cached_property
     def _tile(self) -> Tile:
         return Tile.of(self._volume.solid)
-
-    def _are_free(self, places: np.ndarray) -> np.ndarray:
-        """Return which places (n, 3) m are in the free space of a whole volume."""
-        return self._space.are_free(places)
 
     def _inside(self, bodies: ConvexBodies) -> np.ndarray:
         """Return how deep (n,) m a facet is in each body."""

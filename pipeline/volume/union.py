@@ -17,6 +17,7 @@ from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.passages.joints import LOW, joints_at, roof_reach
 from pipeline.volume.passages.tubes import Tube, sections_along, sections_between, solids_through
 from pipeline.volume.passages.views import with_views
+from pipeline.volume.rock.inside import Inside
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _LOW_MOST = 0.95  # of the height, at the most: where the station is higher, walls are as wide as measured up to it
@@ -64,6 +65,11 @@ class Volume:
         """Return twice the area times the normal (f, 3) out of the free space, m2."""
         a, b, c = np.moveaxis(self.vertices[self.faces], 1, 0)
         return np.cross(b - a, c - a)
+
+    @cached_property
+    def inside(self) -> Inside:
+        """Return what says which places are in the free space; it is indexed when it is first asked for."""
+        return Inside(self.vertices, self.faces)
 
     @cached_property
     def solid(self) -> manifold3d.Manifold:

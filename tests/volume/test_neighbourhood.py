@@ -11,7 +11,6 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.labelled_solid import Neighbourhood, boxes_apart, of_facets
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.slivers import without_slivers
 
@@ -109,7 +108,7 @@ def test_what_parts_share_with_the_free_space_is_as_booleans_say(tee):
     rng = np.random.default_rng(0)
     facets = tee.vertices[tee.faces[rng.integers(0, len(tee.faces), 300)]]
     parts = [corners.mean(axis=0) + rng.normal(0, 0.3, (8, 3)) for corners in facets]
-    found = shared_m3(Facets(tee.vertices, tee.faces), parts, Inside(tee).are_free)
+    found = shared_m3(Facets(tee.vertices, tee.faces), parts, tee.inside.are_free)
     wanted = [(manifold3d.Manifold.hull_points(part) ^ tee.solid).volume() for part in parts]
     assert found == pytest.approx(np.array(wanted), abs=1e-12)
     assert (found > 0.01).sum() > 100
@@ -121,7 +120,7 @@ def test_a_part_that_no_facet_reaches_into_is_free_as_a_whole_or_not_at_all(tee)
     under = tee.vertices[low] - [0, 0, 1.0] + cube
     middle = tee.vertices[tee.faces[tee.label == 0]].mean(axis=(0, 1)) + (cube + np.array([0, 0, 1.0]))
     places = [under, middle]
-    found = shared_m3(Facets(tee.vertices, tee.faces), places, Inside(tee).are_free)
+    found = shared_m3(Facets(tee.vertices, tee.faces), places, tee.inside.are_free)
     wanted = [(manifold3d.Manifold.hull_points(part) ^ tee.solid).volume() for part in places]
     assert found == pytest.approx(np.array(wanted), abs=1e-12)
     assert wanted == pytest.approx([0, 1e-3])

@@ -12,7 +12,6 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.passages.views import SILL_M, star
-from pipeline.volume.rock.inside import Inside
 from tests.survey.solved.test_wall_sections import survey_of, way_to_wall
 
 UP, DOWN = [0, 0, 1.5], [0, 0, -1.0]
@@ -44,7 +43,7 @@ def test_a_splay_is_free_where_a_nearer_one_beside_it_hits_a_rib():
     assert seen_m(volume, station, far) == pytest.approx(np.linalg.norm(far), abs=0.1)
     without = solve_floors(replace(network, splays_m=np.zeros((0, 2, 3))))
     assert seen_m(without, station, far) < np.linalg.norm(far) - 0.3
-    assert Inside(volume).distance_m(without.vertices).min() > -0.02  # nothing of it became rock
+    assert volume.inside.distance_m(without.vertices).min() > -0.02  # nothing of it became rock
 
 
 def test_floors_stay_as_they_are_under_what_was_seen():

@@ -12,7 +12,6 @@ from pipeline.params.validation import VolumeProofParams
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floor_error import measure_floor
 from pipeline.volume.floors import solve_floors
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import build_shell
 from pipeline.volume.union import pieces_of, unite
 from pipeline.volume.world.proof import physics, throws
@@ -49,7 +48,7 @@ def test_a_station_beside_its_passages_middle_has_its_measured_roof_over_it(tmp_
     network, _ = built(f"A,a,0,0,{left},{right},0,2,1\nA,b,20,0,{left},{right},1,2,1\n", tmp_path)
     beside = np.clip(0.0, 0.01 - right, left - 0.01)  # to the left: a station may be on a wall
     over = network.ends_m[0].mean(axis=0) + np.array([[0, beside, 1.98], [0, beside, 2.02]])
-    assert (Inside(solve_floors(network)).distance_m(over) > 0).tolist() == [True, False]
+    assert (solve_floors(network).inside.distance_m(over) > 0).tolist() == [True, False]
 
 
 def test_the_shell_of_a_drift_lies_in_the_rock_and_covers_every_facet(box):

@@ -9,16 +9,15 @@ import numpy as np
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.volume.rock.solid_angle import SolidAngle
-from pipeline.volume.union import Volume
 
 
 class Inside:
     """Which places are in the free space, and how far they are from rock."""
 
-    def __init__(self, volume: Volume) -> None:
-        """Index the facets."""
-        self._scene = ray_scene(volume.vertices, volume.faces, 1)
-        self.mesh = volume.vertices, volume.faces
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        """Index the facets (f, 3) of a closed mesh of vertices (v, 3) m."""
+        self._scene = ray_scene(vertices, faces, 1)
+        self.mesh = vertices, faces
 
     @cached_property
     def _angle(self) -> SolidAngle:

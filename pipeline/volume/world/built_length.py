@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.volume.floor_error import ON_WALL_M
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 from pipeline.volume.world.topology import LegNetwork
 
@@ -33,5 +32,5 @@ def built_lengths_m(volume: Volume, legs: LegNetwork) -> np.ndarray:
         places.append(ends[0] * (1 - share) + ends[1] * share)
         weight.append(np.full(count, leg.length_m / count))
         of_leg.append(np.full(count, number))
-    inside = Inside(volume).distance_m(np.concatenate(places)) > -ON_WALL_M
+    inside = volume.inside.distance_m(np.concatenate(places)) > -ON_WALL_M
     return np.bincount(np.concatenate(of_leg)[inside], np.concatenate(weight)[inside], len(legs.legs))

@@ -21,7 +21,6 @@ from minexplore.volume.creases import Creases
 from minexplore.volume.models import EXACT_TILE_M, FEET, VolumeModels, code_of
 from minexplore.volume.planes import TOLERANCE_M, FloorPlanes
 from minexplore.world import World
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.proof.physics import places_for_robots, stand
@@ -138,7 +137,7 @@ class VolumeDrive:
 
     def throw(self, rounds: int, rng: np.random.Generator) -> Thrown:
         """Throw all robots in all directions again and again, and drive them on at full throttle."""
-        inside, robots, touches, escapes, errors = Inside(self._volume), self.stepper, 0, 0, [0.0]
+        inside, robots, touches, escapes, errors = self._volume.inside, self.stepper, 0, 0, [0.0]
         for _ in range(rounds):
             self.reset()
             yaw, speed = rng.uniform(-np.pi, np.pi, ROBOTS), rng.uniform(0, self.models.task.max_forward_mps, ROBOTS)

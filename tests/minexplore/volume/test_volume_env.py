@@ -19,7 +19,6 @@ from minexplore.sensing.coverage import CoverageGrid
 from minexplore.task import TaskParams
 from minexplore.volume.legs import leg_names
 from minexplore.world import World, load_world
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from tests.volumes import HEADER, TEE, build_volume, spiral_with_side_drift
 
@@ -42,7 +41,7 @@ class OtherRobot(RobotParams):
 def inside_of(world):
     """Return what says how far places of the mine frame are from rock."""
     facets = world.volume.facets
-    return Inside(closed_volume(VolumeFacets(facets.vertices.copy(), facets.faces, facets.label, facets.leg)))
+    return closed_volume(VolumeFacets(facets.vertices.copy(), facets.faces, facets.label, facets.leg)).inside
 
 
 def spread(batch, rng, clearance_m=0.5):

@@ -15,7 +15,6 @@ from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
 from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import parts_of
@@ -49,7 +48,7 @@ def beside(tmp_path_factory):
 
 
 def shared_of(volume, bodies):
-    return shared_m3(Facets(volume.vertices, volume.faces), bodies, Inside(volume).are_free)
+    return shared_m3(Facets(volume.vertices, volume.faces), bodies, volume.inside.are_free)
 
 
 def bare_by_booleans(volume, parts):
@@ -84,7 +83,7 @@ def test_a_part_in_the_middle_of_the_drift_that_touches_no_facet_intrudes_with_i
     floating = dataclasses.replace(parts[0], corners=volume.vertices.mean(axis=0) + cube)
     found = measure_enclosure(volume, [*parts, floating])
     corners = volume.vertices.mean(axis=0) + cube
-    assert found.intrusion.depth_m == pytest.approx(Inside(volume).distance_m(corners).max(), abs=2e-4)
+    assert found.intrusion.depth_m == pytest.approx(volume.inside.distance_m(corners).max(), abs=2e-4)
     assert len(found.unbacked) == 1
 
 
@@ -262,5 +261,5 @@ def test_whether_a_part_is_deeper_than_a_millimetre_is_known(drift, depth_m):
     volume, _ = drift
     roof = volume.vertices[:, 2].max()
     part = np.array([[x, y, z] for x in (9, 11) for y in (-1, 1) for z in (roof - depth_m, roof + 0.3)])
-    corners, inside, tile = volume.vertices[volume.faces], Inside(volume), Tile.of(volume.solid)
+    corners, inside, tile = volume.vertices[volume.faces], volume.inside, Tile.of(volume.solid)
     assert is_deeper(part, 0.001, tile, inside, corners) == (depth_m > 0.001)

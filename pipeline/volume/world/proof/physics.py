@@ -22,7 +22,6 @@ from minexplore.physics.robot import (
 from minexplore.physics.robot_kind import keep_in_disc
 from minexplore.task import TaskParams
 from pipeline.volume.height_field.leg_lines import drop
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
@@ -79,7 +78,7 @@ def places_for_robots(
 
     The disc fits also so far ahead, uphill. `targets` (f,) says which facets count; None is all.
     """
-    robot, inside = RobotParams(), Inside(volume)
+    robot, inside = RobotParams(), volume.inside
     floor = np.flatnonzero((volume.label == FacetLabel.FLOOR) & (True if targets is None else targets))
     normal = -volume.normals[floor]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
@@ -217,7 +216,7 @@ def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
     ring = np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle)), np.full((len(far), _RING), _OVER_M)])
     beside = (places[:, None, None] + np.moveaxis(ring, 0, -1)).reshape(-1, 3)
     shape = (len(places), len(far), _RING)
-    free = Inside(volume).distance_m(beside).reshape(shape) > 0
+    free = volume.inside.distance_m(beside).reshape(shape) > 0
     rise = np.abs(np.diff(drop(volume.vertices, volume.faces, beside)[1].reshape(shape), axis=1))
     return np.asarray((~(free[:, 1:] & free[:, :-1]) | (rise <= STEEPEST * _STEP_M)).all(axis=(1, 2)))
 

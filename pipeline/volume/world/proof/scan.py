@@ -12,7 +12,6 @@ from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.mesh_checks import join_meshes
 from pipeline.types import Mesh
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 
 _SAMPLES = 200_000  # points of the scan, and places on the surface
@@ -37,7 +36,7 @@ class ScanDeviation:
 def measure_scan(volume: Volume, points_m: np.ndarray, rng: np.random.Generator) -> ScanDeviation:
     """Return how far the points of a scan are from a volume's surface, and how much of the surface was seen."""
     chosen = points_m[rng.permutation(len(points_m))[:_SAMPLES]]
-    off = -Inside(volume).distance_m(chosen)
+    off = -volume.inside.distance_m(chosen)
     a, b, c = np.moveaxis(volume.vertices[volume.faces], 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     facet = rng.choice(len(area), _SAMPLES, p=area / area.sum())

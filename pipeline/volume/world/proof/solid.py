@@ -10,7 +10,6 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from pipeline.types import ClosedMesh
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 
 _MM = 1e3
@@ -33,7 +32,7 @@ def measure_solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -
     facet = rng.choice(len(area), _SAMPLES, p=area / area.sum())
     share = rng.dirichlet(np.ones(3), _SAMPLES)
     points = np.einsum("ki,kij->kj", share, solid.vertices[solid.faces[facet]])
-    off = np.abs(Inside(volume).distance_m(points))
+    off = np.abs(volume.inside.distance_m(points))
     lumps = [_largest_lump(wanted - volume.solid, "rock"), _largest_lump(volume.solid - wanted, "free")]
     lump_m3, at = max(lumps, key=lambda lump: lump[0])
     return {

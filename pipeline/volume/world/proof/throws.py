@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from minexplore.physics.robot import ROCK_BIT, RobotParams
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.proof.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
@@ -57,7 +56,7 @@ def throw_balls(
     `targets` (f,) says which facets are pushed at; None is all.
     """
     model = spec_of(parts, _add_balls).compile()
-    data, inside = mujoco.MjData(model), Inside(volume)
+    data, inside = mujoco.MjData(model), volume.inside
     normal = volume.normals
     area = np.linalg.norm(normal, axis=1)
     into = -normal / np.maximum(area, 1e-30)[:, None]
@@ -122,7 +121,7 @@ def throw_robots(
     `targets` (f,) says which floors they are thrown from; None is all.
     """
     model = spec_of(parts, add_robots(ROBOTS)).compile()
-    data, inside, robot = mujoco.MjData(model), Inside(volume), RobotParams()
+    data, inside, robot = mujoco.MjData(model), volume.inside, RobotParams()
     places, normals = places_for_robots(volume, targets=targets)
     if not len(places):
         return Throws()

@@ -20,7 +20,6 @@ from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.types import Image
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
@@ -77,7 +76,7 @@ def displaced_rock(
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = wanted_m(rough, fine, _relief(params)), unseen(fine.vertices, scan_m)
     room = room_about(fine, volume, balls)
-    free, foot_m = Inside(closed_volume(volume)), params.floor_chamfer_m
+    free, foot_m = closed_volume(volume).inside, params.floor_chamfer_m
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
     if len(rock.crossings):
         place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)

@@ -16,7 +16,6 @@ from pipeline.metrics.rock.sampling import sample_triangles
 from pipeline.store.codecs import decode
 from pipeline.surface.mesh.mesh_checks import join_meshes
 from pipeline.types import Mesh
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 from pipeline.volume.world.surface.crossed import places_crossed
 from pipeline.volume.world.surface.narrow import Balls, balls_along, places_along
@@ -52,7 +51,7 @@ def measure_rock(
         return {"shown": 0}
     vertices, faces = join_meshes(dict(rock))
     samples, _ = sample_triangles(vertices[faces], _SAMPLES, rng)
-    inside = Inside(volume)
+    inside = volume.inside
     away = inside.distance_m(samples)
     gap = np.abs(away)
     is_floor = volume.label == FacetLabel.FLOOR

@@ -13,7 +13,6 @@ from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges, join_meshes
 from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.relief_source import bounds_of
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.surface.build import displaced_rock
 from pipeline.volume.world.surface.chunks import cut_rock
@@ -99,7 +98,7 @@ def test_places_on_narrow_facets_are_on_the_volume_s_facets_which_32_bits_deny()
     )
     closed = closed_volume(volume)
     places = np.random.default_rng(0).dirichlet([1, 1, 1], 200) @ volume.vertices[[a, b, new]]
-    assert np.abs(Inside(closed).distance_m(places)).max() < 1e-9  # Open3D's own: over 0.2 mm
+    assert np.abs(closed.inside.distance_m(places)).max() < 1e-9  # Open3D's own: over 0.2 mm
     mesh = closed.vertices, closed.faces
     assert _on_facets(places, mesh, 1e-4).all()
     assert not _on_facets(places - np.array([0.0, 2e-4, 0.0]), mesh, 1e-4).any()
@@ -130,7 +129,7 @@ def test_relief_that_fits_nowhere_is_taken_back_until_the_rock_crosses_itself_no
     no_bound = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     bounds = dataclasses.replace(bounds_of(SURFACE.rough), wall_m=1.5, median_m=1.5)
     wanted_m = np.random.default_rng(0).normal(0.0, 1.5, len(far_m))
-    rock = displace_rock(fine, wanted_m, no_bound, bounds, 0.3, simplification, Inside(closed_volume(volume)))
+    rock = displace_rock(fine, wanted_m, no_bound, bounds, 0.3, simplification, closed_volume(volume).inside)
     assert len(rock.crossings) == len(find_crossings(rock.mesh.vertices, rock.mesh.faces)) == 0
     assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
     assert np.std(rock.given_m) > 0.1  # it is rough elsewhere
@@ -151,7 +150,7 @@ def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossi
     room_m = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
     wanted_m = np.random.default_rng(0).normal(0.0, 0.2, len(far_m))
     closed = closed_volume(volume)
-    rock = displace_rock(fine, wanted_m, room_m, bounds_of(SURFACE.rough), 0.3, None, Inside(closed))
+    rock = displace_rock(fine, wanted_m, room_m, bounds_of(SURFACE.rough), 0.3, None, closed.inside)
     assert len(rock.crossings) > 0
     near = cKDTree(rock.crossings).query(fine.vertices)[0] < 1.0
     assert near.any()

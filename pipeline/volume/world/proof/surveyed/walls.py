@@ -13,7 +13,6 @@ from pipeline.survey.passages.relief import known_of
 from pipeline.survey.passages.survey_leg import SurveyLeg
 from pipeline.types import SurveyedLegs
 from pipeline.volume.network import SurveyNetwork
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.union import Volume
 
 _PARTS = {"walls": slice(0, 2), "roof": slice(2, 3), "floor": slice(3, 4)}
@@ -82,7 +81,7 @@ def splay_ends(volume: Volume, splays_m: np.ndarray) -> np.ndarray:
     step = splays_m[:, 1] - splays_m[:, 0]
     length = np.linalg.norm(step, axis=1)
     splays_m, step, length = (rows[length > _LEAST_M] for rows in (splays_m, step, length))
-    off = np.abs(Inside(volume).distance_m(splays_m[:, 1]))
+    off = np.abs(volume.inside.distance_m(splays_m[:, 1]))
     way = _ways_m(volume, splays_m[:, 0], step / length[:, None])
     return np.column_stack([step, off, length - way])
 
@@ -124,7 +123,7 @@ def line_figures(network: SurveyNetwork, offset_m: np.ndarray, volume: Volume) -
 
     The network is moved by `offset_m` (3,) m into the frame of the volume.
     """
-    inside = Inside(volume)
+    inside = volume.inside
     used = np.unique(network.shots)
     deep = -inside.distance_m(network.places_m[used] + offset_m)
     counts = np.maximum(1, np.round(network.lengths_m / _SAMPLE_M)).astype(int)
