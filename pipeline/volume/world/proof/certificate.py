@@ -41,6 +41,7 @@ from pipeline.volume.world.proof.surveyed.leg_widths import width_figures
 from pipeline.volume.world.proof.surveyed.walls import line_figures, wall_figures
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.record import VolumeRecord
+from pipeline.volume.world.surface.arch import Arch, arched
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
@@ -100,6 +101,12 @@ def open_volume(folder: Path) -> VolumeBundle:
     )
 
 
+def seen_volume(params: VolumeProofParams, world: VolumeBundle) -> VolumeFacets:
+    """Return the facets that the visible rock is moved from: those of the volume, under drawn roofs with an arch."""
+    is_drawn = world.record.volume.is_drawn
+    return arched(world.mine, Arch(params.arch_rise_m, params.arch_half_span_m)) if is_drawn else world.mine
+
+
 def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: VolumeShape) -> Validated:
     """Measure a volume world against its survey: its legs, the solid where it is one, or drawn floors.
 
@@ -130,7 +137,7 @@ def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: Volum
             "unlike": compiled.unlike,
             "mislabelled": fronts.mislabelled,
         },
-        "rock": measure_rock(volume, world.legs, world.rock, rng),
+        "rock": measure_rock(closed_volume(seen_volume(params, world)), world.legs, world.rock, rng),
         "reach": reach.figures,
         **_bodies(params, volume, fronts.parts, rng),
         **_drives(params, world, fronts.parts, reach),
