@@ -88,7 +88,7 @@ class VolumeWorld:
 
 
 def with_rock(source: str | MineSurvey, folder: Path) -> Path:
-    """Build a station table, or a survey, in a folder, its bundle with visible rock in `folder / "rocky"`; return it."""
+    """Build a station table, or a survey, in a folder, with its rock in `folder / "rocky"`; return the folder."""
     built, rock = VolumeWorld(source, folder), folder / "rock"
     texture = np.full((16, 16, 3), 90, np.uint8)
     write(rock, {**rock_of_volume(WITH_ROCK.surface, folder / "compiled", texture).files, TEXTURE: texture})
