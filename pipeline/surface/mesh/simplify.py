@@ -113,9 +113,15 @@ class Mesher(Generic[_F]):
             return SurfaceMesh(vertices, self.lattice.faces, self.lattice.piece, np.arange(len(vertices)))
         points, faces = self._mesh
         _, source = cKDTree(vertices).query(points, workers=2)
+        return SurfaceMesh(points, faces, self.piece, source)
+
+    @property
+    def piece(self) -> np.ndarray:
+        """Return the piece (m,) of each face of the last call of `mesh`."""
+        if self.simplification is None:
+            return self.lattice.piece
         pieces = [self.lattice.piece[tile[0]] for tile in self._tiles]
-        piece = np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
-        return SurfaceMesh(points, faces, piece, source)
+        return np.repeat(pieces, [len(part) for _, part in self._parts]).astype(np.uint8)
 
     def refine(self, places: np.ndarray, times: float = 2.0) -> bool:
         """Keep so many times more faces in the tiles at places (k, 3) m; return whether one had not all of them."""

@@ -27,7 +27,7 @@ from pipeline.volume.world.surface.arch import Arch, arched
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import refine
-from pipeline.volume.world.surface.narrow import NO_BALLS, Balls, balls_along
+from pipeline.volume.world.surface.narrow import NO_BALLS, Balls, Narrowest, balls_along
 from pipeline.volume.world.surface.room import room_about
 from pipeline.volume.world.surface.scanned import NO_RGB, NO_SCAN, ScanColours, unseen
 from pipeline.volume.world.topology import LegNetwork
@@ -81,8 +81,8 @@ def displaced_rock(
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = wanted_m(rough, fine, _relief(params)), unseen(fine.vertices, scan_m)
     room = room_about(fine, volume, balls)
-    free, foot_m = closed_volume(volume).inside, params.floor_chamfer_m
-    rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share)
+    free, foot_m, narrowest = closed_volume(volume).inside, params.floor_chamfer_m, Narrowest.of(balls, volume)
+    rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share, narrowest)
     if len(rock.crossings):
         place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)
         warn_user(

@@ -16,6 +16,7 @@ from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
 from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.surface.crossed import places_crossed
 from pipeline.volume.world.surface.fine import FLOOR, FineRock
+from pipeline.volume.world.surface.narrow import Narrowest
 
 _RADIUS_M, _FACTOR = 0.6, 0.5  # about a crossing, as the rough surface of a level mine has it
 _FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision walls, within
@@ -25,6 +26,7 @@ _WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a face
 _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
 _CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
+_ABOUT, _KEPT = 2.0, 0.955  # of the distance to walls: faces about the narrowest place, and what these leave of 0.95
 _SIMPLIFIED = 0.85  # of the narrow bound: simplification moves rock in by up to 4 mm; 0.9 left 0.94995 of Wheal Pell
 
 
@@ -52,6 +54,7 @@ def displace_rock(
     simplification: Simplification | None,
     free: Inside,
     share: np.ndarray | float = 1.0,
+    narrowest: Narrowest | None = None,
 ) -> DisplacedRock:
     """Displace the rock by `wanted_m` (n,) m, positive into the workings, within its bounds.
 
@@ -59,7 +62,8 @@ def displace_rock(
     the less the nearer it is. Where the volume's own facets cross in the 32 bits of meshes, the rock is these facets.
     Where the mesh crosses itself or four faces share an edge, the displacement is halved, and after some rounds taken
     back in growing circles, where the mesh is simplified less and less. So it is where the simplified mesh reaches
-    farther into the `free` space than the walls' bound. Rounds end when all rock about what is still wrong is the
+    farther into the `free` space than the walls' bound, or nearer to the middle of the `narrowest` passage than the
+    certificate takes. Rounds end when all rock about what is still wrong is the
     volume's own facets. Each round before takes relief back or simplifies less. What the proof would find then is
     mended in the same way.
     """
@@ -81,11 +85,12 @@ def displace_rock(
         if not changed.all() and not len(_with_relief(wrong, vertices, given)[0]):  # tiles meet elsewhere, too
             wrong = _wrong(points, faces, faces)
         beyond = _beyond(points, faces[changed], free, bounds.wall_m + _BEYOND_M)
-        places = np.concatenate([wrong, beyond])
+        narrowing = _narrowing(points, faces[mesher.piece[kept] != FLOOR], narrowest)
+        places = np.concatenate([wrong, beyond, narrowing])
         places, settled = _with_relief(places, vertices, given)
         if not len(places) and not mesher.refine(settled):
             # The chunks are judged alone, about another middle: there single precision may find what it misses here.
-            rock = faces[mesher.surface(vertices).piece[kept] != FLOOR]
+            rock = faces[mesher.piece[kept] != FLOOR]
             places, own = places_crossed(points, rock, free.mesh)
             near, before = _distance_m(vertices, places[~own], 2 * _WIDEST_M), given
             given = damp(given, np.maximum(near - _WIDEST_M, 0.0), _WIDEST_M, 0.0)
@@ -104,8 +109,7 @@ def displace_rock(
         else:
             given = damp(given, np.maximum(near - flat_m, 0.0), flat_m, 0.0)
         moved = given != before
-    mesh = mesher.surface(vertices)
-    mesh = SurfaceMesh(points, faces, mesh.piece[kept], mesh.source)
+    mesh = SurfaceMesh(points, faces, mesher.piece[kept], mesher.surface(vertices).source)
     return DisplacedRock(fine, vertices, given, mesh, mended, wrong)
 
 
@@ -158,6 +162,16 @@ def _beyond(points: np.ndarray, faces: np.ndarray, free: Inside, most_m: float) 
     """Return those corners (k, 3) m of faces that are more than `most_m` inside the free space."""
     corners = points[np.unique(faces)]
     return corners[free.are_farther(corners, most_m)]
+
+
+def _narrowing(points: np.ndarray, faces: np.ndarray, narrowest: Narrowest | None) -> np.ndarray:
+    """Return the place (k, 3) m of walls and roofs that leaves too little of the narrowest passage, if one does."""
+    if narrowest is None:
+        return np.zeros((0, 3))
+    away = np.linalg.norm(points[faces].mean(axis=1) - narrowest.middle_m, axis=1)
+    near = faces[away < _ABOUT * narrowest.wall_m]
+    kept, place = narrowest.kept(points, near) if len(near) else (1.0, narrowest.middle_m)
+    return place[None] if kept < _KEPT else np.zeros((0, 3))
 
 
 def _in_32_bits(points: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.volume.union import Volume
 from pipeline.volume.world.topology import LegNetwork
@@ -30,6 +30,27 @@ class Balls:
         """Return the balls of the narrowest passage, and of those up to a tenth wider."""
         some = self.radii_m <= _AS_NARROW * self.radii_m.min(initial=np.inf)
         return Balls(self.middles_m[some], self.radii_m[some])
+
+
+@dataclass(frozen=True)
+class Narrowest:
+    """The middle (3,) m of the smallest ball in the passages, and how far it is from walls and roofs, m."""
+
+    middle_m: np.ndarray
+    wall_m: float
+
+    @classmethod
+    def of(cls, balls: Balls, volume: Volume | VolumeFacets) -> Narrowest | None:
+        """Return the middle of the smallest of the balls in a volume; None without balls."""
+        if not len(balls.radii_m):
+            return None
+        middle, walls = balls.middles_m[balls.radii_m.argmin()], volume.faces[volume.label != FacetLabel.FLOOR]
+        return cls(middle, float(NearestFacets(volume.vertices, walls, 1).query(middle[None]).distance_m[0]))
+
+    def kept(self, vertices: np.ndarray, faces: np.ndarray) -> tuple[float, np.ndarray]:
+        """Return the share of the distance to walls and roofs that rock leaves, and the nearest place (3,) m of it."""
+        nearest = NearestFacets(vertices, faces, 1).query(self.middle_m[None])
+        return float(nearest.distance_m[0]) / self.wall_m, nearest.place_m[0]
 
 
 NO_BALLS = Balls(np.zeros((0, 3)), np.zeros(0))

@@ -18,7 +18,7 @@ from pipeline.surface.mesh.mesh_checks import join_meshes
 from pipeline.types import Mesh
 from pipeline.volume.union import Volume
 from pipeline.volume.world.surface.crossed import places_crossed
-from pipeline.volume.world.surface.narrow import Balls, balls_along, places_along
+from pipeline.volume.world.surface.narrow import Narrowest, balls_along, places_along
 from pipeline.volume.world.surface.show import rock_names
 from pipeline.volume.world.topology import LegNetwork
 
@@ -58,7 +58,7 @@ def measure_rock(
     open_m, bare_m = _borders_m(vertices, faces, volume.vertices, volume.faces[is_floor])
     _, is_own = places_crossed(vertices, faces, (volume.vertices, volume.faces))
     places, _ = places_along(legs)
-    balls = balls_along(volume, legs)
+    narrowest = Narrowest.of(balls_along(volume, legs), volume)
     places = places[inside.distance_m(places) > _LEAST_M]
     return {
         "shown": 1,
@@ -72,7 +72,7 @@ def measure_rock(
         "crossings": int((~is_own).sum()),
         "folded": int(is_own.sum()),
         "leaks": _leaks(places, (vertices, faces), (volume.vertices, volume.faces[is_floor]), rng),
-        "narrowest_kept": round(_kept(balls, (vertices, faces), (volume.vertices, volume.faces[~is_floor])), _DIGITS),
+        "narrowest_kept": 1.0 if narrowest is None else round(narrowest.kept(vertices, faces)[0], _DIGITS),
     }
 
 
@@ -154,12 +154,3 @@ def _are_leaks(scene: Any, rays: np.ndarray) -> np.ndarray:
     behind = (found["primitive_normals"].numpy() * rays[:, 3:]).sum(axis=1) > 0
     leaks: np.ndarray = missed | behind & (found["geometry_ids"].numpy() == 0)
     return leaks
-
-
-def _kept(balls: Balls, rock: _Triangles, walls: _Triangles) -> float:
-    """Return the share of the distance to walls and roofs that the rock leaves in the middle of the narrowest ball."""
-    if not len(balls.radii_m):
-        return 1.0
-    narrow = balls.middles_m[balls.radii_m.argmin()][None]
-    seen, solid = (float(NearestFacets(*one, 1).query(narrow).distance_m[0]) for one in (rock, walls))
-    return seen / solid

@@ -19,6 +19,7 @@ from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.crossed import _on_facets, places_crossed
 from pipeline.volume.world.surface.displace import displace_rock
 from pipeline.volume.world.surface.fine import FLOOR, refine
+from pipeline.volume.world.surface.narrow import Balls, Narrowest
 from pipeline.volume.world.surface.proof import _borders_m
 from pipeline.volume.world.surface.scanned import ScanColours
 from tests.composed import compose
@@ -133,6 +134,22 @@ def test_relief_that_fits_nowhere_is_taken_back_until_the_rock_crosses_itself_no
     assert len(rock.crossings) == len(find_crossings(rock.mesh.vertices, rock.mesh.faces)) == 0
     assert trimesh.Trimesh(rock.mesh.vertices, rock.mesh.faces, process=False).is_watertight
     assert np.std(rock.given_m) > 0.1  # it is rough elsewhere
+
+
+def test_rock_leaves_the_middle_of_the_narrowest_passage_as_free_as_the_certificate_asks():
+    volume = room([(EAST, 300), (EAST + 12, 300), (EAST + 12, 304), (EAST, 304)])
+    fine, closed = refine(volume, 0.2, 0.2), closed_volume(volume)
+    far_m = np.full(len(fine.vertices), 100.0)
+    no_bound = Room(far_m, far_m, far_m, np.zeros(len(far_m)), 100.0)
+    middle = np.array([EAST + 6, 302, volume.vertices[:, 2].mean()])
+    narrowest = Narrowest.of(Balls(middle[None], np.ones(1)), volume)
+    wanted_m = np.random.default_rng(0).normal(0.0, 0.4, len(far_m))
+    kept = []
+    for limit in (None, narrowest):
+        args = (fine, wanted_m, no_bound, bounds_of(SURFACE.rough), 0.3, Simplification(0.3, 5.0), closed.inside)
+        mesh = displace_rock(*args, narrowest=limit).mesh
+        kept.append(narrowest.kept(mesh.vertices, mesh.faces[mesh.piece != FLOOR])[0])
+    assert kept[0] < 0.95 < kept[1]
 
 
 def test_rock_of_a_volume_that_crosses_itself_is_the_volume_there_and_its_crossings_are_returned():
