@@ -21,6 +21,7 @@ _STL_HEAD = 84  # bytes before the first triangle of a binary STL file
 _GLB = ".glb"  # in metres and with y up, by the format's own rule
 _GLB_HEAD, _GLB_CHUNK = 12, 20  # bytes before the length of a GLB file's JSON, and before that JSON
 _QUANTIZED = "KHR_mesh_quantization"
+_FAN = 6  # mode of a primitive of glTF
 _OF_LOOKS = ("KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_")  # extensions that move no corner
 
 
@@ -46,7 +47,7 @@ def read_ply(path: Path, data: bytes) -> StatedMeshes:
 def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[LayerMesh]:
     """Yield name, vertices and faces of each mesh of a file that trimesh reads; it opens no other file."""
     if suffix == _GLB:
-        _require_known_extensions(path, data)
+        _require_plain_corners(path, data)
     try:
         if suffix == ".obj":
             data = with_triangles(data)
@@ -67,23 +68,33 @@ def _scene_meshes(path: Path, data: bytes, suffix: str) -> Iterator[LayerMesh]:
             yield LayerMesh(str(name), vertices, faces, steps)
 
 
-def _require_known_extensions(path: Path, data: bytes) -> None:
-    """Refuse a GLB file whose corners trimesh would read elsewhere (findings/trimesh-glb-shares-as-metres.sh).
+def _require_plain_corners(path: Path, data: bytes) -> None:
+    """Refuse a GLB file whose corners or faces trimesh would read elsewhere or not at all.
 
-    glTF 2.0, section 3.12: a file that requires an extension is not to be loaded without it.
+    glTF 2.0, section 3.12: a file that requires an extension is not to be loaded without it. See
+    findings/trimesh-glb-shares-as-metres.sh and findings/trimesh-glb-sparse-corners-at-the-origin.sh.
     """
     try:
         size = int.from_bytes(data[_GLB_HEAD : _GLB_HEAD + 4], "little")
         stated: dict[str, Any] = json.loads(data[_GLB_CHUNK : _GLB_CHUNK + size])
         needed = [str(name) for name in stated.get("extensionsRequired", []) if not str(name).startswith(_OF_LOOKS)]
         used = [part["attributes"]["POSITION"] for mesh in stated.get("meshes", []) for part in mesh["primitives"]]
-        shares = any(stated["accessors"][number].get("normalized") for number in used)
+        accessors = [stated["accessors"][number] for number in used]
+        shares, sparse = any(one.get("normalized") for one in accessors), any("sparse" in one for one in accessors)
+        fans = any(part.get("mode") == _FAN for mesh in stated.get("meshes", []) for part in mesh["primitives"])
     except (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError):
         return  # trimesh says what is wrong
-    unread = ["corners as shares of an integer's range"] if shares else [name for name in needed if name != _QUANTIZED]
+    unread = [name for name in needed if name != _QUANTIZED]
+    for is_there, what in (
+        (fans, "triangle fans"),
+        (sparse, "sparse corners"),
+        (shares, "shares of integers as corners"),
+    ):
+        unread = [what] if is_there else unread
     if unread:
         raise InputError(
-            f"{path}: its meshes need {unread[0]}, which is not read; export it without compression or quantization"
+            f"{path}: its meshes need {unread[0]}, which is not read; export it as plain triangles without compression "
+            "or quantization"
         )
 
 

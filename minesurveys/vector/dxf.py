@@ -38,6 +38,7 @@ from minesurveys.vector.shapes import LARGEST, REACH_M, Shapes, require_size
 
 _SMALLEST = "mm"  # unit of drawings
 _CHORD_SHARE = 1e-4  # largest distance between a curve and its chords, as a share of the drawing's size
+_BEZIERS = 16  # of a turn, at least: one for a quarter is off (findings/ezdxf-arcs-off-whatever-the-distance.sh)
 _ENTITY = re.compile(rb"^[ \t]*0[ \t]*\r?$", re.MULTILINE)  # each entity begins with group code 0
 _POINT = re.compile(rb"^[ \t]*10[ \t]*\r?$", re.MULTILINE)  # a point begins with group code 10
 _HEIGHT = re.compile(r"\s*([-+]?\d{1,6}[.,]\d{1,6})\s*m?\s*", re.ASCII)  # a label; whole numbers name stations
@@ -210,10 +211,12 @@ def _lines(path: Path, drawing: Drawing, layers: list[str] | None) -> _Content:
 
 def _piece(primitive: disassemble.Primitive) -> DrawnPath | None:
     """Return the path of a line or a curve; the library takes a polyline with a width for an area, which has none."""
-    entity, piece = primitive.entity, primitive.path
-    if piece is None and (isinstance(entity, LWPolyline) or (isinstance(entity, Polyline) and entity.is_2d_polyline)):
-        piece = make_path(entity)
-    return piece if piece is not None and len(piece) else None
+    entity = primitive.entity
+    is_flat = isinstance(entity, LWPolyline) or (isinstance(entity, Polyline) and entity.is_2d_polyline)
+    if primitive.path is None and not is_flat:
+        return None
+    piece = make_path(entity, segments=_BEZIERS)
+    return piece if len(piece) else None
 
 
 def _flattened(path: Path, paths: list[tuple[DrawnPath, str]]) -> list[tuple[LineString, str]]:

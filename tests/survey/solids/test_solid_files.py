@@ -73,27 +73,31 @@ def test_a_broken_triangulation_is_refused_by_what_is_wrong(tmp_path, old, new, 
 
 
 @pytest.mark.parametrize(
-    ("needed", "shares", "message"),
+    ("needed", "accessor", "mode", "message"),
     [
-        ("EXT_meshopt_compression", False, "its meshes need EXT_meshopt_compression, which is not read"),
-        ("KHR_mesh_quantization", True, "its meshes need corners as shares of an integer's range, which is not read"),
-        ("KHR_mesh_quantization", False, None),
-        ("KHR_texture_transform", False, None),
+        ("EXT_meshopt_compression", {}, 4, "EXT_meshopt_compression"),
+        ("KHR_mesh_quantization", {"normalized": True}, 4, "shares of integers as corners"),
+        ("KHR_mesh_quantization", {}, 4, None),
+        ("KHR_texture_transform", {}, 4, None),
+        ("KHR_texture_transform", {"sparse": {"count": 1}}, 4, "sparse corners"),
+        ("KHR_texture_transform", {}, 6, "triangle fans"),
     ],
 )
-def test_a_glb_that_needs_an_extension_which_moves_its_corners_is_refused(tmp_path, needed, shares, message):
+def test_a_glb_whose_corners_or_faces_would_be_others_is_refused(tmp_path, needed, accessor, mode, message):
     vertices, faces, volume = crossing_tunnels()
     data = trimesh.Trimesh(vertices, faces, process=False).export(file_type="glb")
     size = int.from_bytes(data[12:16], "little")
     stated = json.loads(data[20 : 20 + size]) | {"extensionsRequired": [needed]}
-    for accessor in stated["accessors"]:
-        accessor["normalized"] = shares
+    stated["accessors"] = [one | accessor for one in stated["accessors"]]
+    stated["meshes"][0]["primitives"][0]["mode"] = mode
     chunk = json.dumps(stated).encode()
     chunk += b" " * (-len(chunk) % 4)
     head = (len(data) - size + len(chunk)).to_bytes(4, "little") + len(chunk).to_bytes(4, "little")
     (tmp_path / "a.glb").write_bytes(data[:8] + head + data[16:20] + chunk + data[20 + size :])
     if message:
-        with pytest.raises(InputError, match=rf"a\.glb: {message}; export it without"):
+        with pytest.raises(
+            InputError, match=rf"a\.glb: its meshes need {message}, which is not read; export it as plain triangles"
+        ):
             closed(tmp_path / "a.glb")
     else:
         assert closed(tmp_path / "a.glb")[1].solid.volume() == pytest.approx(volume, abs=1e-4)

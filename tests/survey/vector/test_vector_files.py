@@ -58,6 +58,19 @@ def test_nested_closed_polylines_are_workings_and_pillars_in_any_unit(tmp_path, 
     assert georeference.metres_per_unit == metres
 
 
+def test_chords_of_arcs_and_bulges_are_as_near_to_them_as_a_share_of_the_drawing(tmp_path):
+    made, radius_m = ezdxf.new(), 200.0
+    made.header["$INSUNITS"] = 6
+    made.modelspace().add_arc((0, 0), radius_m, 0, 90)
+    made.modelspace().add_lwpolyline([(radius_m, 0, 0, 0, 1.0), (-radius_m, 0, 0, 0, 0)])  # half a turn
+    made.saveas(tmp_path / "arc.dxf")
+    for line in read_dxf(tmp_path / "arc.dxf", None).shapes:
+        ends = shapely.get_coordinates(line)
+        middles = (ends[1:] + ends[:-1]) / 2
+        off_m = np.abs(np.linalg.norm(np.concatenate([ends, middles]), axis=1) - radius_m)
+        assert off_m.max() < 1e-4 * 2 * radius_m
+
+
 def test_open_wall_lines_are_joined_and_enclose_workings(tmp_path):
     path = tmp_path / "open.dxf"
     made = ezdxf.new()
