@@ -36,7 +36,7 @@ _UNREAL = re.compile(
 )
 # Survex goes on round the circle. Large published surveys have such readings.
 _BEYOND_CIRCLE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Suspicious compass.*)$")
-# Survex only warns of a name that no leg has: a typing error in *equate leaves a loop open, one in *entrance a portal shut.
+# Survex only warns of a name that no leg has: mistyped in *equate it leaves a loop open, in *entrance a portal shut.
 _OF_NO_LEG = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
     r"(Station .* referred to (?:just once.*|by \*entrance or \*export but never used.*))$"
