@@ -25,7 +25,7 @@ from pipeline.survey.passages.pieces import require_near
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.survey_leg import SurveyLeg, shots_of
 from pipeline.survey.passages.ties import passages_of_ties, ties_of
-from pipeline.survey.passages.workings import build_workings
+from pipeline.survey.passages.workings import build_workings, require_area
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
 from pipeline.survey.solved.station_table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, SurveyedLegs, text_array
@@ -181,8 +181,7 @@ def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
     walls = [np.where(np.isfinite(leg.walls_m), leg.walls_m, _HALF_WIDTH_M) for leg in legs]
     wide = [replace(leg, walls_m=w) for leg, w in zip(legs, walls, strict=True)]
     built = build_workings([shot for leg in wide for shot in shots_of(leg)])
-    if built.is_empty:
-        raise InputError(f"{path}: the stations' walls enclose no area")
+    require_area(path, built, legs)
     return built
 
 
