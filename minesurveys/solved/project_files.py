@@ -106,7 +106,10 @@ def inside(where: str, name: str, beside: Path, folder: Path) -> Path:
     except (OSError, RuntimeError) as error:  # a link that leads to itself, or a name that is too long
         raise InputError(f"{where}: {name[:80]!r} cannot be opened") from error
     if outside:
-        raise InputError(f"{where}: {name[:80]!r} is outside the survey's folder")
+        raise InputError(
+            f"{where}: {name[:80]!r} is outside the survey's folder, that of the main file; put the main file into a "
+            "folder that holds all files, and name them from there"
+        )
     return candidate
 
 

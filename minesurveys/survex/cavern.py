@@ -36,6 +36,11 @@ _UNREAL = re.compile(
 )
 # Survex goes on round the circle. Large published surveys have such readings.
 _BEYOND_CIRCLE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Suspicious compass.*)$")
+# Survex only warns of a name that no leg has: mistyped in *equate it leaves a loop open, in *entrance a portal shut.
+_OF_NO_LEG = re.compile(
+    r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
+    r"(Station .* referred to (?:just once.*|by \*entrance or \*export but never used.*))$"
+)
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
@@ -138,7 +143,10 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
 
 
 def _require_sound(path: Path, source: Path, output: str, written: Written) -> None:
-    """Refuse readings that no instrument shows and bearings that are turned wrongly, and list those beyond 360 deg."""
+    """Refuse readings that no instrument shows and bearings that are turned wrongly.
+
+    Those beyond 360 deg are listed, and names that no leg has.
+    """
     unreal = _named(_UNREAL, path, source, output, written)
     if unreal is not None:
         raise InputError(f"{unreal}; correct it")
@@ -148,6 +156,15 @@ def _require_sound(path: Path, source: Path, output: str, written: Written) -> N
         warn_user(
             "compass readings are beyond 360 deg and go on round the circle, 364 as 4; the first is "
             f"{beyond.rpartition('/')[2]}",
+            of=path.name,
+            count=count,
+        )
+    mistyped = _named(_OF_NO_LEG, path, source, output, written)
+    if mistyped is not None:
+        count = sum(_OF_NO_LEG.match(line) is not None for line in output.splitlines())
+        warn_user(
+            "names in equates, entrances or exports are of no station of a leg, and tie or open nothing; the first is "
+            f"{mistyped.removeprefix(f'{path.parent}/')}",
             of=path.name,
             count=count,
         )
@@ -212,15 +229,17 @@ def _problem(path: Path, source: Path, status: int, output: str, written: Writte
     named = _named(_ERROR, path, source, output, written)
     if named is not None:
         return named
+    mistyped = _named(_OF_NO_LEG, path, source, output, written)
+    likely = "" if mistyped is None else f"; {mistyped.removeprefix(f'{path.parent}/')}"
     hanging = hanging_stations(output)
     if hanging:
         shown = [one_line(written.message(text), 60) for text in hanging]
         return (
             f"{path}: {first_few(shown)}: no leg and no equate leads from there to a fixed station; tie it by one "
-            "of them, or fix a station of it"
+            f"of them, or fix a station of it{likely}"
         )
     if status < 0:
         return f"{path}: Survex ended by signal {-status}; the survey needs more than a limit in {FILE}"
     errors = [line.partition("error: ")[2] for line in output.splitlines() if "error: " in line]
     last = errors[:1] or [line for line in output.splitlines() if line.strip()][-1:] or ["no message"]
-    return f"{path}: Survex cannot solve it: {one_line(last[0], 300)}"
+    return f"{path}: Survex cannot solve it: {one_line(last[0], 300)}{likely}"

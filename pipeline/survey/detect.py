@@ -28,7 +28,7 @@ from pipeline.survey.draw import MineReading
 from pipeline.survey.drawing.workings import LIKELY_M, WIDTHS_M
 from pipeline.survey.grid.plan import read_free_space
 from pipeline.survey.levels.walls import axis_of
-from pipeline.survey.vector.drawing_frames import require_no_boundary, require_walls_alone
+from pipeline.survey.vector.drawing_frames import require_no_boundary, require_no_ruled_layer, require_walls_alone
 from pipeline.survey.vector.plan_doubts import contours_hint, require_plan, warn_of_crossings
 from pipeline.survey.vector_survey import read_vector_survey
 
@@ -232,7 +232,10 @@ def _detect_centrelines(path: Path, stated: StatedOptions, rules: FloorRules) ->
     """Read the lines of a file as centrelines of drifts of the stated half width."""
     options = stated.model_dump(include={*_DRAWN, "unit", "half_width_m"}, exclude_none=True) | rules.model_dump()
     params = section_for(CentrelineSurveyParams, path, {"kind": "centrelines", **options})
-    read = read_vector_survey(params)
+    content = read_shapes(path, stated.layers, stated.level_by, stated.no_elevation)
+    if not stated.layers and not stated.elevations_m and not stated.level_by:
+        require_no_ruled_layer(path, content, params.snap_m)
+    read = read_vector_survey(params, content)
     place = read.georeference
     values = {
         "kind": "centrelines",

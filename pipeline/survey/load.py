@@ -45,7 +45,7 @@ from pipeline.survey.drawing.scale import measure_bar
 from pipeline.survey.grid.plan import read_grid
 from pipeline.survey.passages.relief import floor_of
 from pipeline.survey.passages.survey_leg import SurveyLeg
-from pipeline.survey.passages.workings import build_workings, level_legs
+from pipeline.survey.passages.workings import build_workings, level_legs, require_area
 from pipeline.survey.solved.flatness import require_single
 from pipeline.survey.solved.station_table import read_stations
 from pipeline.survey.start import start_in_plan
@@ -229,8 +229,7 @@ def plan_of_stations(params: StationSurveyParams) -> Reading:
     path = Path(params.stations)
     legs = read_stations(path, params.grade if isinstance(params.grade, dict) else None, params)
     workings, heights = build_workings(legs), _heights_of_grades(path, legs, params)
-    if workings.is_empty:
-        raise InputError(f"{params.stations}: the stations' walls enclose no area")
+    require_area(path, workings, legs)
     west, south, east, north = workings.bounds
     m = params.margin_m
     extent = params.frame_m or (west - m, south - m, east + m, north + m)

@@ -36,7 +36,7 @@ from pipeline.survey.passages.flat_pieces import choose_flat_piece
 from pipeline.survey.passages.legs import legs_of, require_no_crossing
 from pipeline.survey.passages.relief import floor_of, has_relief, warn_of_level, warn_of_level_roofs, warn_of_shafts
 from pipeline.survey.passages.survey_leg import SurveyLeg
-from pipeline.survey.passages.workings import build_workings, level_legs
+from pipeline.survey.passages.workings import build_workings, level_legs, require_area
 from pipeline.survey.solved.plan_view import plan_legs
 from pipeline.survey.surfaces import wall_heights
 from pipeline.survey.vector.centrelines import read_centrelines
@@ -186,8 +186,7 @@ def _level_workings(
         warn_of_level(path, np.concatenate([floor_of(leg) for leg in driven]), params)
         warn_of_level_roofs(path, driven)
     built = build_workings(driven)
-    if built.is_empty:
-        raise InputError(f"{path}: the stations' walls enclose no area")
+    require_area(path, built, driven)
     return choose_flat_piece(path, built, params.piece) if is_drawn else built, driven
 
 

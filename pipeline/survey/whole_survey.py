@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from minesurveys.errors import InputError, first_few, one_line
 from minesurveys.frames import Source
 from minesurveys.remarks import warn_user
-from minesurveys.solved.model import SolvedSurvey
+from minesurveys.solved.model import LegFlag, SolvedSurvey
 from minesurveys.solved_surveys import entrances_of, names_of, solve_file
 from pipeline.geometry.outline.enclosure import as_polygons
 from pipeline.params.survey import PassageSurveyParams
@@ -25,7 +25,7 @@ from pipeline.survey.passages.pieces import require_near
 from pipeline.survey.passages.relief import has_relief, roofs_of, usual_roof_m
 from pipeline.survey.passages.survey_leg import SurveyLeg, shots_of
 from pipeline.survey.passages.ties import passages_of_ties, ties_of
-from pipeline.survey.passages.workings import build_workings
+from pipeline.survey.passages.workings import build_workings, require_area
 from pipeline.survey.solved.plan_view import plan_legs, with_sides
 from pipeline.survey.solved.station_table import read_station_legs, survey_of_legs
 from pipeline.types import Piece, SurveyedLegs, text_array
@@ -54,6 +54,7 @@ def read_whole(path: Path, params: PassageSurveyParams) -> tuple[SolvedSurvey, l
 
 def whole_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> list[SurveyLeg]:
     """Return the legs of a solved survey, with repeated ones that alone join pieces; `InputError` without widths."""
+    _warn_of_surface(path, survey)
     legs = plan_legs(path, survey, half_width_m)
     if all(np.isnan(leg.lrud_m[:, 3]).all() for leg in legs):
         warn_user("no station has a distance down to the floor; floors are at the stations", of=path.name)
@@ -66,6 +67,23 @@ def whole_legs(path: Path, survey: SolvedSurvey, half_width_m: float | None) -> 
             count=len(lone),
         )
     return legs + lone
+
+
+def _warn_of_surface(path: Path, survey: SolvedSurvey) -> None:
+    """Warn of what is flagged as on the surface: after a flag that nobody ended, drifts are left out too."""
+    legs = survey.legs[(survey.leg_flags & (LegFlag.SURFACE | LegFlag.SPLAY)) == LegFlag.SURFACE]
+    if not len(legs):
+        return
+    places, node, names = survey.nodes()
+    ends = node[legs]
+    lengths = np.linalg.norm(places[ends[:, 0]] - places[ends[:, 1]], axis=1)
+    a, b = ends[lengths.argmax()].tolist()
+    warn_user(
+        f"legs, {lengths.sum():.0f} m, are flagged as on the surface (of Compass: not plotted) and are no passages; "
+        f"the longest is {names[a]} to {names[b]}",
+        of=path.name,
+        count=len(legs),
+    )
 
 
 def _with_walls(path: Path, legs: list[SurveyLeg], half_width_m: float | None) -> list[SurveyLeg]:
@@ -163,8 +181,7 @@ def footprint(path: Path, legs: list[SurveyLeg]) -> BaseGeometry:
     walls = [np.where(np.isfinite(leg.walls_m), leg.walls_m, _HALF_WIDTH_M) for leg in legs]
     wide = [replace(leg, walls_m=w) for leg, w in zip(legs, walls, strict=True)]
     built = build_workings([shot for leg in wide for shot in shots_of(leg)])
-    if built.is_empty:
-        raise InputError(f"{path}: the stations' walls enclose no area")
+    require_area(path, built, legs)
     return built
 
 

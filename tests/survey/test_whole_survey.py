@@ -1,5 +1,7 @@
 """Surveys that are built whole: their pieces, their frame, where robots start, and what is refused in one line."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from pipeline.survey.whole_survey import read_whole
 from pipeline.types import lines_of
 from tests.volume_worlds import HEADER, RAMP, legs_of_table, survey_of_table
 
+needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 APART = RAMP + "X,8,200,0,5,2,2,3,0\nX,9,220,0,5,2,2,3,0\n"
 STEEP = RAMP + "B,2,30,0,0,1,1,3,0\nB,7,30,0,-40,1,1,2,0\nC,7,30,0,-40,0.3,0.3,0.5,0\nC,8,40,0,-40,0.3,0.3,0.5,0\n"
 
@@ -188,3 +191,16 @@ def test_each_passage_keeps_its_own_roof_where_a_crawl_leads_into_a_chamber(tmp_
     _, legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/chamber.csv"))
     found = {(leg.stations[0], leg.stations[-1]): leg.heights_m[:, 1].tolist() for leg in legs}
     assert found == {("1", "3"): [0.4, 0.4, 0.4], ("2", "4"): [15, 15]}
+
+
+@needs_cavern
+def test_legs_on_the_surface_are_listed_as_a_flag_that_nobody_ended_leaves_drifts_out(tmp_path, capsys):
+    path = tmp_path / "a.svx"
+    shots = "1 2 10 90 0\n2 3 20 90 0\n{}\n3 4 30 90 0\n4 5 40 90 0\n*flags splay\n4 6 2 0 0\n"
+    for flags, length_m in (("", 100), ("*flags surface", 30)):
+        path.write_text("*data normal from to tape compass clino\n" + shots.format(flags))
+        _, legs = read_whole(path, PassageSurveyParams(kind="passages", name="a", file="data/a.svx", half_width_m=1.0))
+        assert sum(np.ptp(leg.positions_m[:, 0]) for leg in legs) == pytest.approx(length_m, abs=0.01)
+        said = capsys.readouterr().err
+        assert ("a.svx: 2 legs, 70 m, are flagged as on the surface" in said) == bool(flags)
+    assert "the longest is 4 to 5" in said

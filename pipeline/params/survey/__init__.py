@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from pipeline.params.survey.base import PosesParams
-from pipeline.params.survey.clouds import CloudSurveyParams
+from pipeline.params.survey.clouds import MOST_VOXEL_M, CloudSurveyParams
 from pipeline.params.survey.generated import ProceduralSurveyParams, VariantSurveyParams
 from pipeline.params.survey.pictures import GridSurveyParams, PlanSurveyParams, StationSurveyParams
 from pipeline.params.survey.solids import SolidSurveyParams
@@ -30,6 +30,7 @@ SurveyParams = Annotated[
 
 __all__ = [
     "GRADES_NEED",
+    "MOST_VOXEL_M",
     "BoxPx",
     "CentrelineSurveyParams",
     "CloudSurveyParams",

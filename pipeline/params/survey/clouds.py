@@ -9,6 +9,8 @@ from pydantic import Field
 from pipeline.params.base import DataFile
 from pipeline.params.survey.solids import SurfaceSurveyParams
 
+MOST_VOXEL_M = 2.0
+
 
 class CloudSurveyParams(SurfaceSurveyParams):
     """Points on the rock round the free space of workings: LAS, LAZ, PLY, PCD, XYZ, or the triangles of a mesh."""
@@ -18,7 +20,10 @@ class CloudSurveyParams(SurfaceSurveyParams):
         default=None, description="where the scanner was, in the file's coordinates: rows `time x y z`; null: not known"
     )
     voxel_m: float = Field(
-        default=0.2, ge=0.02, le=2, description="resolution of the surface; gaps of as much between points are bridged"
+        default=0.2,
+        ge=0.02,
+        le=MOST_VOXEL_M,
+        description="resolution of the surface; gaps of as much between points are bridged",
     )
     colours: bool = Field(default=True, description="the visible rock has the colours of the points, if they have any")
     close_m: float = Field(

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from minesurveys.clouds.cloud_formats import holds_points
+from minesurveys.errors import InputError
 from minesurveys.formats import FileKind, kind_of
 from minesurveys.remarks import warn_user
 from pipeline.params.stated import StatedOptions
-from pipeline.params.survey import CloudSurveyParams
+from pipeline.params.survey import MOST_VOXEL_M, CloudSurveyParams
 from pipeline.survey.detection.detected_section import Detection, section_for
 
 _FINEST_M, _COARSEST_M = 0.05, 0.2
@@ -52,6 +53,11 @@ def detect_cloud(path: Path, stated: StatedOptions) -> Detection:
     warn_of_guesses(
         path, facets_of_scan(cloud), unit=stated.unit is None and not scan.axes.is_stated, up=stated.up is None
     )
+    if voxel_m > MOST_VOXEL_M:
+        raise InputError(
+            f"{path}: points are {spacing:.2f} m apart, and a surface is found to {MOST_VOXEL_M:g} m at most; "
+            "--unit states another unit of the file"
+        )
     if stated.voxel_m is None:
         warn_user(
             f"points are {spacing:.2f} m apart; its surface is found to {voxel_m:g} m",

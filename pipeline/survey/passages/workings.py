@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from minesurveys.errors import InputError, first_few
 from pipeline.survey.passages.bends import LegEnd, outer_sectors
 from pipeline.survey.passages.legs import pack_legs
 from pipeline.survey.passages.sections import sections_of
@@ -56,6 +58,22 @@ def build_workings(legs: list[SurveyLeg]) -> BaseGeometry:
             shapes.append(shapely.Polygon([places[name], *arc]))
     solid = [s for s in shapes if isinstance(s, shapely.Polygon) and not s.is_empty]
     return _without_slits(shapely.union_all(solid))
+
+
+def require_area(path: Path, workings: BaseGeometry, legs: list[SurveyLeg]) -> None:
+    """Refuse workings of no area: both distances are zero at each station.
+
+    Raises
+    ------
+    InputError
+        The message names the stations.
+    """
+    if workings.is_empty:
+        stations = list(dict.fromkeys(name for leg in legs for name in leg.stations))
+        raise InputError(
+            f"{path}: the stations' walls enclose no area: left and right are 0 at {first_few(stations)}; state the "
+            "distances, or none where nobody measured them"
+        )
 
 
 def level_legs(legs: list[SurveyLeg], origin: tuple[float, float]) -> SurveyedLegs:

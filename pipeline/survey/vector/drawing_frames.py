@@ -75,6 +75,32 @@ def require_walls_alone(path: Path, content: Shapes, snap_m: float, widths_m: tu
     raise InputError(f"{path}: looks like a drawing with {shown}; {advice}")
 
 
+def require_no_ruled_layer(path: Path, content: Shapes, snap_m: float) -> None:
+    """Refuse centrelines a layer of which is a grid: lines across the drawing that none of another layer meets.
+
+    Drifts of other layers end at a drift, within `snap_m`. A layer of one line is none.
+
+    Raises
+    ------
+    InputError
+        The message names the grid's layer and lists the layers.
+    """
+    layers = sorted(set(content.layer_of))
+    west, south, east, north = shapely.total_bounds(content.shapes)
+    extent, same = np.array([east - west, north - south]), snap_m / METRES[content.unit or "m"]
+    lines = {
+        name: [s for s, layer in zip(content.shapes, content.layer_of, strict=True) if layer == name] for name in layers
+    }
+    ruled = [name for name in layers if len(lines[name]) > 1 and all(_is_ruled(line, extent) for line in lines[name])]
+    for name in ruled if len(ruled) < len(layers) else ():
+        ends = [_places(shape) for other in layers if other not in ruled for shape in lines[other]]
+        if not any((_apart(np.concatenate(ends), _places(line)) <= same).any() for line in lines[name]):
+            raise InputError(
+                f"{path}: looks like a drawing with a grid: {len(lines[name])} straight lines across it on layer "
+                f"{one_line(name, 60)!r}, which no line of another layer meets; {_choice(layers)}"
+            )
+
+
 def require_no_boundary(path: Path, content: Shapes) -> None:
     """Refuse layers the largest area of which encloses what the others hold, as the boundary of a lease does.
 
@@ -111,6 +137,18 @@ def require_no_boundary(path: Path, content: Shapes) -> None:
 def _choice(layers: list[str]) -> str:
     names = one_line(", ".join(layers[:_LISTED]) + (", ..." if len(layers) > _LISTED else ""), 200)
     return f"--layer NAME, once for each layer with walls, chooses from its layers: {names}"
+
+
+def _places(shape: shapely.Geometry) -> np.ndarray:
+    """Return a shape's points (n, 3); those without an elevation lie at 0."""
+    return np.nan_to_num(shapely.get_coordinates(shape, include_z=True))
+
+
+def _apart(points: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Return the distances of points (n, 3) from the straight line between a line's first and last point."""
+    step = line[-1] - line[0]
+    along = np.clip((points - line[0]) @ step / max(step @ step, np.finfo(float).tiny), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(points - line[0] - along[:, None] * step, axis=1))
 
 
 def _with_free_ends(lines: list[LineString], same: float) -> list[LineString]:

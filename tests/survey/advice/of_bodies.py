@@ -63,6 +63,9 @@ CASES = {
     "a scan that reaches too far": Advice(
         "m from its first points, beyond", partial(cloud, scale=1000.0), {}, (by(unit="mm"),)
     ),
+    "points too far apart": Advice(
+        "m at most; --unit states another unit", partial(cloud, scale=100.0), {}, (by(unit="cm"),)
+    ),
     "points far off": Advice(
         "cut them off, or --unit states its unit", partial(cloud, stray=True), {}, (WayOn({}, cloud),)
     ),

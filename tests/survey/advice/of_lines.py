@@ -27,6 +27,8 @@ FRAMED = [
     [[x, y] for x, y in box(*bounds).exterior.coords]
     for bounds in ((-20, -20, 110, 70), (0, 0, 80, 50), (20, 20, 30, 30))
 ]
+CAVE = [[[10, 10, 5], [30, 22, 5]], [[30, 22, 5], [61, 64, 4]]]
+RULED = [[[0, 50, 0], [130, 50, 0]], [[50, 0, 0], [50, 118, 0]]]
 SVX = "*fix 1 0 0 0\n*data normal from to tape compass clino\n1 2 30 90 0\n2 3 20 0 0\n"
 LEGS = "leg,station,easting_m,northing_m,left_m,right_m\n"
 SPLAYS = SVX + "*flags splay\n2 4 2 180 0\n"
@@ -86,6 +88,12 @@ CASES = {
         partial(dxf, layers={"FRAME": FRAMED[:1], "WALLS": FRAMED[1:]}, closed=True),
         {},
         (by(layers=["WALLS"]),),
+    ),
+    "a grid beside centrelines": Advice(
+        "which no line of another layer meets; ",
+        partial(dxf, layers={"CentreLine": CAVE, "Grid": RULED}),
+        {"half_width_m": 1.0},
+        (by(half_width_m=1.0, layers=["CentreLine"]), by(half_width_m=1.0, layers=["Grid"])),
     ),
     "a boundary": Advice(
         "chooses from its layers",

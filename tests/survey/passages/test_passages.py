@@ -9,6 +9,7 @@ import pytest
 from minesurveys.solved_surveys import survey_files
 from minesurveys.stations.compass import read_plt
 from pipeline.errors import InputError
+from pipeline.survey.detect import detect_survey
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.plan_view import plan_legs
 from tests.solved import read_passages
@@ -243,3 +244,17 @@ def test_ends_of_splays_in_a_plot_file_are_walls_and_no_drifts(tmp_path, name, r
     (leg,) = plt_legs(tmp_path / "a.plt")
     assert leg.stations == ["1", "2", "3"]
     np.testing.assert_allclose(leg.walls_m[:2], [(3, 2), (4, 2.5)], atol=0.001)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "leg,station,easting_m,northing_m,left_m,right_m\nA,p,0,0,0,0\nA,q,30,0,0,0\n",
+        "leg,station,easting_m,northing_m,left_m,right_m,up_m,elevation_m\nA,p,0,0,0,0,2,0\nA,q,30,0,0,0,2,-9\n",
+    ],
+)
+def test_stations_without_width_are_refused_by_their_names(tmp_path, text):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"a\.csv: .* enclose no area: left and right are 0 at p, q; "):
+        detect_survey(path)

@@ -241,3 +241,35 @@ def test_a_survey_that_survex_solves_has_the_time_that_its_network_needs():
     assert limits["extra_s"] >= 1180  # a grid of 60 x 60 junctions, on one core of 2026
     assert limits["scratch_bytes"] > 0
     assert solver_limits(Path("a.csv")) == {}
+
+
+RING = """*begin s
+*fix 1 0 0 0
+*entrance {entrance}
+{shots}1 2 10 90 0
+2 3 10 0 0
+*begin t
+1 2 10 270 0
+2 3 10 180 0
+*end t
+*equate 3 t.1
+*equate 1 {end}
+*end s
+"""
+
+
+@needs_cavern
+def test_names_of_no_leg_are_listed_as_the_loop_that_they_should_tie_stays_open(tmp_path, capsys):
+    solve_file(write(tmp_path, RING.format(shots=SHOTS, entrance="1", end="t.3")))
+    assert "of no station" not in capsys.readouterr().err
+    solve_file(write(tmp_path, RING.format(shots=SHOTS, entrance="11", end="t.30")))
+    said = capsys.readouterr().err
+    assert "a.svx: 2 names in equates, entrances or exports are of no station of a leg, and tie or open nothing" in said
+    assert re.search(r"the first is a\.svx:(3: Station .s\.11. |13: Station .s\.t\.30. )", said)
+
+
+@needs_cavern
+def test_a_piece_that_hangs_on_a_mistyped_equate_is_refused_with_its_line(tmp_path):
+    text = RING.format(shots=SHOTS, entrance="1", end="t.3").replace("*equate 3 t.1\n*equate 1 t.3", "*equate s.3 t.1")
+    with pytest.raises(InputError, match=r"a\.svx: s\.t\.\d: no leg .*; a\.svx:11: Station .s\.s\.3. "):
+        solve_file(write(tmp_path, text))

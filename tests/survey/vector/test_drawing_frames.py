@@ -169,3 +169,31 @@ def test_drifts_that_hold_shafts_and_levels_over_each_other_are_no_boundary(tmp_
     require_no_boundary(path, Shapes([low, high], layer_of=["low", "high"]))
     with pytest.raises(InputError, match="'low' encloses"):
         require_no_boundary(path, Shapes([low, shapely.force_2d(high)], layer_of=["low", "high"]))
+
+
+@pytest.mark.parametrize(
+    ("mine", "refused"),
+    [
+        ([[(10, 10), (30, 22)], [(30, 22), (61, 64)]], True),
+        ([[(10, 10), (30, 22)], [(30, 22), (50, 64)]], False),  # a drift that ends at one of the others
+        (
+            [[(0, 20), (120, 20)], [(0, 80), (120, 80)]],
+            False,
+        ),  # drifts along one axis on one layer, along the other on two
+        ([[(10, 10), (61, 64)], [(-40, 90), (260, 210)]], False),  # they are shorter than six tenths of the drawing
+    ],
+)
+def test_a_layer_of_lines_across_centrelines_that_meets_none_is_a_grid(tmp_path, mine, refused):
+    path, drawing = tmp_path / "a.dxf", ezdxf.new()
+    drawing.header["$INSUNITS"] = 6
+    for layer, lines in (("DRIFTS", mine), ("OTHERS", [[(0, 50), (130, 50)], [(50, 0), (50, 118)]])):
+        for line in lines:
+            drawing.modelspace().add_lwpolyline(line, dxfattribs={"layer": layer})
+    drawing.saveas(path)
+    if not refused:
+        assert detect_survey(path, StatedOptions(half_width_m=1.0)).values["layers"] is None
+        return
+    with pytest.raises(InputError, match=r"a grid: 2 straight lines .* 'OTHERS', .*--layer NAME, .*: DRIFTS, OTHERS$"):
+        detect_survey(path, StatedOptions(half_width_m=1.0))
+    for layers in (["DRIFTS"], ["DRIFTS", "OTHERS"]):
+        assert detect_survey(path, StatedOptions(half_width_m=1.0, layers=layers)).values["layers"] == layers
