@@ -27,8 +27,9 @@ def commands_of(page):
 
 # Commands that are not run here, and the place where each is tested.
 ELSEWHERE = {
-    r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
+    r"make all.*": "by the fixture `built`; with overrides in tests/commands/test_choices.py",
     r"make test": "this is the test run",
+    r"dvc exp run -S \"overrides='contours\.tolerance_m=0\.15'\"": "tests/house/test_pipeline.py, in a small mine",
     r"make corpus": "benchmarks/tests/test_corpus.py, with few worlds",
     r"(python3 -m venv own|own/bin/.*)": "tests/minexplore/test_wheel_clients.py, with a small mine",
     r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",
