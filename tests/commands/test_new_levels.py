@@ -5,11 +5,11 @@ import sys
 
 import pytest
 
-from tests.heights import UNDER, levels, seam, shelves, spiral, table
+from tests.heights import levels, seam, shelves, spiral, table
 from tests.project import Project
 
 pytestmark = pytest.mark.slow
-CASES = {"spiral": spiral(3), "levels": levels(), "seam": seam(), "under": UNDER, "shelves": shelves()}
+CASES = {"spiral": spiral(2), "levels": levels(), "seam": seam(), "shelves": shelves()}
 
 
 @pytest.fixture(scope="module")
