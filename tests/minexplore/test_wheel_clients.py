@@ -47,13 +47,13 @@ def wheel(repro: Project, tmp_path_factory):
 def installed(tmp_path_factory):
     """Return a function that returns the interpreter of an environment with a package, one for all tests."""
 
-    def once(name: str, what: str) -> str:
+    def once(of: str, what: str) -> str:
         def build(folder: Path) -> None:
             folder.mkdir()
             install(what, (), folder)
 
         try:
-            return str(build_once(tmp_path_factory, name, build) / "environment/bin/python")
+            return str(build_once(tmp_path_factory, f"with-{of}", build) / "environment/bin/python")
         except InstallError as error:
             pytest.skip(f"{what} cannot be installed here: {error}")
 
