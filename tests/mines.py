@@ -34,6 +34,8 @@ from stages.contours import trace_free_space
 STRAIGHT = shapely.box(0, 0, 100, 5)
 RING = shapely.box(0, 0, 60, 40).difference(shapely.box(6, 6, 54, 34))
 TEE = shapely.union_all([shapely.box(0, 0, 80, 5), shapely.box(38, 5, 43, 40)])
+# Visible rock of few facets, and a small picture.
+COARSE_ROCK = ["surface.rough.spacing_m=0.3", "surface.rough.roof_spacing_m=0.4", "realism.preview_width_px=64"]
 
 
 def frame_for(polygon: Polygon, px_per_m: float = 8.0, margin_m: float = 4.0) -> Frame:
@@ -105,6 +107,16 @@ def sealed(files: dict[str, bytes], **fields: Any) -> dict[str, bytes]:
     record["files"] = {name: hashlib.sha256(data).hexdigest() for name, data in sealed_files.items()}
     record["world_sha256"] = world_sha256(record)
     return {**files, "world.json": json.dumps(record).encode()}
+
+
+def put(place: Any, value: Any) -> Any:
+    """Return a change of one number of an array."""
+
+    def change(array: np.ndarray) -> np.ndarray:
+        array[place] = value
+        return array
+
+    return change
 
 
 def require_allowed(folder: Path | str, files: dict[str, bytes]) -> SealedWorld:

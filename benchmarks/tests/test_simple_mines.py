@@ -31,7 +31,7 @@ def test_a_drawing_is_written_in_its_own_unit(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 3, 6])  # a survey with heights, a ring, a box
+@pytest.mark.parametrize("seed", [56, 3, 6])  # a survey with heights, a ring, a box: short ones
 def test_a_simple_mine_passes_with_its_rock(seed):
     row = judge(seed)
     assert row["exit_code"] == 0, row

@@ -231,7 +231,7 @@ def test_a_corrected_survey_section_rebuilds_the_world(owned, tmp_path):
     conf.write_text(conf.read_text().replace("bar_length_m: 20.0", "bar_length_m: 24.0"))
     program = "from pipeline.compose import compose; print(compose(['survey=my-tee']).survey.scale.bar_length_m)"
     assert project.run(sys.executable, "-c", program).stdout.strip() == "24.0"
-    project.run(sys.executable, "-m", "pipeline", "new", "my-tee", "--from", "plan.png")
+    project.run(sys.executable, "-m", "pipeline", "new", "my-tee", "--from", "plan.png", "preset=light")
     survey = json.loads((project.folder / "artifacts/worlds/my-tee/survey/mine/survey.json").read_text())
     assert survey["scale"]["px_per_m"] == pytest.approx(160 / 24)
 

@@ -3,21 +3,13 @@
 import json
 import sys
 
-import numpy as np
 import pytest
-import yaml
-from matplotlib.tri import LinearTriInterpolator, Triangulation
 
-from pipeline.geometry.polyline import arc_length
-from pipeline.store.codecs import decode
-from pipeline.survey.solved.station_table import read_stations
-from pipeline.types import FloorMesh
-from tests.heights import UNDER, levels, seam, shelves, spiral, table
-from tests.project import ROOT, Project
+from tests.heights import levels, seam, shelves, spiral, table
+from tests.project import Project
 
 pytestmark = pytest.mark.slow
-CASES = {"spiral": spiral(3), "levels": levels(), "seam": seam(), "under": UNDER, "shelves": shelves()}
-GRADE_DEG = 0.2
+CASES = {"spiral": spiral(3), "levels": levels(), "seam": seam(), "shelves": shelves()}
 
 
 @pytest.fixture(scope="module")
@@ -48,21 +40,3 @@ def test_a_station_that_no_survey_has_is_refused_and_leaves_nothing(project):
     )
     assert not (project.folder / "artifacts/worlds/pell-none").exists()
     assert not (project.folder / "conf/survey/pell-none.yaml").exists()
-
-
-def test_the_embedded_mine_with_a_grade_for_each_leg_holds_its_certificate(project):
-    for stage in ("survey", "contours", "compile3d", "surface", "realism", "validation"):
-        done = project.stage(stage, "survey=graded")
-        assert done.returncode == 0, done.stderr
-    root = project.folder / "artifacts"
-    assert json.loads((root / "validation/certificate.json").read_text())["holds"]
-    mesh = decode(root / "contours/traced/floors.npz", FloorMesh)
-    x, y, z = mesh.vertices.T
-    height_at = LinearTriInterpolator(Triangulation(x, y, mesh.faces), z)
-    stated = yaml.safe_load((ROOT / "conf/survey/graded.yaml").read_text())["survey"]["grade"]
-    for leg in read_stations(ROOT / "data/chilean_mine/stations.csv"):
-        want = np.degrees(np.arctan(stated[leg.name]))
-        found = height_at(*leg.positions_m[:, :2].T)
-        here = np.flatnonzero(~np.ma.getmaskarray(found))  # the end of one is narrower than the plan's pixels
-        run, rise = arc_length(leg.positions_m)[here], found.data[here]
-        assert np.degrees(np.arctan2(rise[-1] - rise[0], run[-1] - run[0])) == pytest.approx(want, abs=GRADE_DEG)

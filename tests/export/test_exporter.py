@@ -145,6 +145,7 @@ def test_a_kilometre_of_drift_takes_at_most_20_s_and_2_gb(tmp_path):
     if not bundle.is_dir():
         pytest.skip("the default world is not built")
     command = [sys.executable, "-m", "pipeline", "export", str(bundle), "--to", "sdf", "--out", str(tmp_path / "out")]
+    command += ["--licence", "CC-BY-4.0"]
     process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"})
     _, status, used = os.wait4(process.pid, 0)  # of this process alone
     process.returncode = os.waitstatus_to_exitcode(status)

@@ -163,11 +163,11 @@ def test_an_experiment_runs_the_changed_stages(repro, tmp_path):
     project.run("dvc", "plots", "show", check=True)
 
 
-@pytest.mark.slow
-def test_make_all_takes_overrides_and_returns_to_the_default(project):
+@pytest.mark.slow  # tests/commands/test_choices.py runs `make all`
+def test_make_takes_overrides_and_returns_to_the_default(project):
     # `setup` is replaced, because the copy uses the environment of the tests.
     (project.folder / "requirements" / "setup.sh").write_text("exit 0\n")
-    done = project.run("make", "all", OVERRIDES="survey.drawing_grey=60 contours.tolerance_m=0.1")
+    done = project.run("make", "contours", OVERRIDES="survey.drawing_grey=60 contours.tolerance_m=0.1")
     assert done.returncode == 0, done.stderr
     params = json.loads((project.folder / "artifacts/params.json").read_text())
     assert (params["survey"]["drawing_grey"], params["contours"]["tolerance_m"]) == (60, 0.1)

@@ -9,15 +9,18 @@ from pathlib import Path
 
 import pytest
 
+from tests.fixtures import build_once
 from tests.project import ROOT, Project
 
 COMMAND = runpy.run_path(str(ROOT / "packaging" / "check_clients.py"))
-CLIENTS, InstallError, check, install = (COMMAND[name] for name in ("CLIENTS", "InstallError", "check", "install"))
+CLIENTS, TORCH, InstallError, check, install = (
+    COMMAND[name] for name in ("CLIENTS", "TORCH", "InstallError", "check", "install")
+)
+# The page below leads to `train_sb3.py`.
 WORDS = {
     "drive.py": ["--steps", "3"],
     "map_from_lidar.py": ["--steps", "11"],
     "place_robot.py": ["--seconds", "0.5"],
-    "train_sb3.py": ["--steps", "64", "--robots", "2"],
 }
 
 OF_CORE = """
@@ -31,12 +34,30 @@ print(minexplore.load("chilean_mine").folder)
 """
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def wheel(repro: Project, tmp_path_factory):
-    project = repro.copy(tmp_path_factory.mktemp("wheel") / "mine")
-    done = project.run("env", "PYTHONPATH=.", sys.executable, "packaging/build_wheel.py")
-    assert done.returncode == 0, done.stderr
-    return next((project.folder / "dist").glob("minexplore-*.whl"))
+    def build(folder: Path) -> None:
+        done = repro.copy(folder).run("env", "PYTHONPATH=.", sys.executable, "packaging/build_wheel.py")
+        assert done.returncode == 0, done.stderr
+
+    return next((build_once(tmp_path_factory, "wheel", build) / "dist").glob("minexplore-*.whl"))
+
+
+@pytest.fixture(scope="session")
+def installed(tmp_path_factory):
+    """Return a function that returns the interpreter of an environment with a package, one for all tests."""
+
+    def once(of: str, what: str) -> str:
+        def build(folder: Path) -> None:
+            folder.mkdir()
+            install(what, (), folder)
+
+        try:
+            return str(build_once(tmp_path_factory, f"with-{of}", build) / "environment/bin/python")
+        except InstallError as error:
+            pytest.skip(f"{what} cannot be installed here: {error}")
+
+    return once
 
 
 def extra_of(example: str) -> str:
@@ -45,33 +66,28 @@ def extra_of(example: str) -> str:
     return f"[{found[1]}]" if found else ""
 
 
+def run_from_wheel(python: str, *words: str, folder: Path, **env: str) -> str:
+    """Run a program with the packages of an environment alone and return what it prints."""
+    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([python, *words], cwd=folder, env={**variables, **env}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("example", sorted(WORDS))
-def test_an_example_runs_from_the_wheel_with_the_extra_that_it_names(wheel, example, tmp_path):
-    try:
-        python = install(f"{wheel}{extra_of(example)}", ("torch==2.13.0",) if "sb3" in example else (), tmp_path)
-    except InstallError as error:
-        pytest.skip(f"the packages of the wheel cannot be installed here: {error}")
-    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    command = [python, str(ROOT / "examples" / example), *WORDS[example]]
-    done = subprocess.run(
-        command, cwd=tmp_path, env={**variables, "MUJOCO_GL": "osmesa"}, capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
+def test_an_example_runs_from_the_wheel_with_the_extra_that_it_names(wheel, installed, example, tmp_path):
+    extra = extra_of(example)
+    python = installed(f"wheel{extra.strip('[]')}", f"{wheel}{extra}")
+    run_from_wheel(python, str(ROOT / "examples" / example), *WORDS[example], folder=tmp_path, MUJOCO_GL="osmesa")
 
 
 @pytest.mark.slow
-def test_the_wheel_alone_has_all_of_the_core_and_bundles_are_read_without_it(wheel, tmp_path):
-    try:
-        python = install(str(wheel), (), tmp_path)
-    except InstallError as error:
-        pytest.skip(f"the packages of the wheel cannot be installed here: {error}")
-    variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    done = subprocess.run([python, "-c", OF_CORE], cwd=tmp_path, env=variables, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    command = [python, str(ROOT / "examples" / "read_bundle.py"), done.stdout.strip()]
-    done = subprocess.run(command, cwd=tmp_path, env=variables, capture_output=True, text=True)
-    assert "m north of the start" in done.stdout
+def test_the_wheel_alone_has_all_of_the_core_and_bundles_are_read_without_it(wheel, installed, tmp_path):
+    python = installed("wheel", str(wheel))
+    world = run_from_wheel(python, "-c", OF_CORE, folder=tmp_path).strip()
+    example = str(ROOT / "examples" / "read_bundle.py")
+    assert "m north of the start" in run_from_wheel(python, example, world, folder=tmp_path)
 
 
 @pytest.mark.slow
@@ -80,6 +96,7 @@ def test_the_lines_of_the_page_lead_from_an_empty_environment_to_ppo_in_an_own_m
     made, new, *lines = re.search(r"```sh\n(make all && make wheel\n.*?)```", page, re.S)[1].splitlines()
     assert len(lines) + 2 <= 10
     assert made == "make all && make wheel"  # as the fixture did
+    assert f'{extra_of("train_sb3.py")}"' in next(line for line in lines if "pip install" in line)
     folder, path = wheel.parents[1], f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     variables = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     small = {"plan.png": "data/chilean_mine/tiny.csv preset=light", '[sb3]"': '[sb3]" torch==2.13.0'}
@@ -97,7 +114,11 @@ def test_the_lines_of_the_page_lead_from_an_empty_environment_to_ppo_in_an_own_m
 
 @pytest.mark.slow
 @pytest.mark.parametrize("client", CLIENTS, ids=lambda client: client.name)
-def test_a_client_s_own_checker_passes_with_the_wheel(wheel, client, tmp_path):
+def test_a_client_s_own_checker_passes_with_the_wheel(wheel, installed, client, tmp_path):
+    if TORCH in client.packages:  # unpacked once: each client has links to its files
+        packages = Path(installed("torch", TORCH)).parents[1] / "lib"
+        (tmp_path / "environment").mkdir()
+        subprocess.run(["cp", "-al", packages, tmp_path / "environment/lib"], check=True)
     try:
         assert check(client, wheel, tmp_path)
     except InstallError as error:

@@ -44,7 +44,7 @@ from pipeline.proof.rebuilt.visible import face_samples
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from pipeline.types import DriftNetwork, Leg, Mesh
 from tests.composed import compose
-from tests.mines import BuiltMine, model_refusal, refusal, sealed
+from tests.mines import COARSE_ROCK, BuiltMine, model_refusal, refusal, sealed
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 FITTED = [
@@ -53,10 +53,8 @@ FITTED = [
     "fittings=drift",
     "realism.furnish=meshed",
     "surface.texture.size_px=64",
-    "surface.rough.spacing_m=0.3",
-    "surface.rough.roof_spacing_m=0.4",
     "surface.rough.kept_share=null",
-    "realism.preview_width_px=64",
+    *COARSE_ROCK,
 ]
 
 

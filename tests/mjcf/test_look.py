@@ -21,16 +21,10 @@ from pipeline.mjcf.render import render_camera
 from pipeline.params.config import Config
 from pipeline.proof.rebuilt.whole_bundle import require_built
 from tests.composed import compose
-from tests.mines import BuiltMine, model_refusal, refusal
+from tests.mines import COARSE_ROCK, BuiltMine, model_refusal, refusal
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 30, 5), shapely.box(12, 5, 17, 14)])
-COARSE = [
-    "fittings=none",
-    "surface.rough.spacing_m=0.3",
-    "surface.rough.roof_spacing_m=0.4",
-    "surface.rough.kept_share=null",
-    "realism.preview_width_px=64",
-]
+COARSE = ["fittings=none", *COARSE_ROCK, "surface.rough.kept_share=null"]
 LOOKING = [*COARSE, "look=wet", "surface.texture.size_px=128"]
 
 

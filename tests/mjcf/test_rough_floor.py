@@ -27,7 +27,7 @@ from pipeline.store.mine_survey import MineSurvey
 from pipeline.types import DrawnPlan
 from stages.realism import STAGE, write_world
 from tests.composed import compose
-from tests.mines import TEE, BuiltMine, frame_for, model_refusal, refusal, sealed, survey_of
+from tests.mines import COARSE_ROCK, TEE, BuiltMine, frame_for, model_refusal, refusal, sealed, survey_of
 
 DRIFT = shapely.union_all([shapely.box(0, 0, 36, 5), shapely.box(14, 5, 19, 16)])
 ROUGH = [
@@ -37,10 +37,8 @@ ROUGH = [
     "realism.rough_floor=true",
     "realism.furnish=off",
     "surface.texture.size_px=64",
-    "surface.rough.spacing_m=0.3",
-    "surface.rough.roof_spacing_m=0.4",
     "surface.rough.kept_share=null",
-    "realism.preview_width_px=64",
+    *COARSE_ROCK,
 ]
 _BOX = """<mujoco><worldbody><body name="box"><freejoint/><geom type="box" size="0.15 0.15 0.1" mass="20"/></body>
 </worldbody></mujoco>"""

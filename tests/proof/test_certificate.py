@@ -257,11 +257,9 @@ def test_the_published_sweeps_fit_the_walls_of_the_published_plan(shared_mine, b
 
 
 @pytest.mark.slow
-def test_the_default_world_is_certified_within_four_gigabytes_of_addresses():
-    bundle = ROOT / "artifacts/realism/world"
-    if not (bundle / "world.json").is_file():
-        pytest.skip("the default world is not built")
-    command = [sys.executable, "-m", "pipeline", "certify", "--bundle", str(bundle), "--contacts", "2000"]
+def test_the_default_world_is_certified_with_20000_contacts_within_four_gigabytes_of_addresses(built):
+    bundle = built.folder / "artifacts/realism/world"
+    command = [sys.executable, "-m", "pipeline", "certify", "--bundle", str(bundle), "--contacts", "20000"]
     most = 4_000_000 * 1024  # `ulimit -v 4000000`
 
     def limit() -> None:

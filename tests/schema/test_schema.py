@@ -18,7 +18,7 @@ from minexplore.bundle import BundleError
 from minexplore.sealed.files import read_folder
 from minexplore.world import load_world
 from pipeline.schema import check_world
-from tests.mines import BuiltMine, model_refusal, require_allowed, sealed
+from tests.mines import BuiltMine, model_refusal, refusal, require_allowed
 
 FOLDER = Path("w")
 
@@ -26,14 +26,6 @@ FOLDER = Path("w")
 @pytest.fixture(scope="module")
 def files(tee: BuiltMine) -> dict[str, bytes]:
     return read_folder(tee.bundle)
-
-
-def refusal(files: dict[str, bytes]) -> str:
-    """Return the message with which a sealed world is refused."""
-    changed = sealed(files)
-    with pytest.raises(BundleError) as caught:
-        require_allowed(FOLDER, changed)
-    return str(caught.value)
 
 
 def replaced(files: dict[str, bytes], name: str, old: str, new: str, count: int = 1) -> dict[str, bytes]:

@@ -16,7 +16,8 @@ from pipeline.errors import ArtifactError
 from pipeline.schema import check_world
 from pipeline.volume.world.proof.again.remodelled import require_same_model
 from pipeline.volume.world.proof.certificate import open_volume
-from tests.mines import require_allowed, sealed
+from tests.mines import put, require_allowed, sealed
+from tests.mines import refusal as refusal_of
 
 FOLDER = Path("w")
 
@@ -28,10 +29,7 @@ def files(box) -> dict[str, bytes]:
 
 def refusal(files: dict[str, bytes]) -> str:
     """Return the message with which a sealed world is refused."""
-    changed = sealed(files)
-    with pytest.raises(BundleError) as caught:
-        require_allowed(FOLDER, changed)
-    message = str(caught.value)
+    message = refusal_of(files)
     assert message.startswith("w/")
     assert "\n" not in message
     return message
@@ -46,16 +44,6 @@ def with_arrays(files: dict[str, bytes], name: str, **changes) -> dict[str, byte
     stream = io.BytesIO()
     np.savez_compressed(stream, **{key: value for key, value in arrays.items() if value is not None})
     return {**files, name: stream.getvalue()}
-
-
-def at(place, value):
-    """Return a change of one number of an array."""
-
-    def change(array):
-        array[place] = value
-        return array
-
-    return change
 
 
 def test_a_volume_of_the_builder_is_allowed(box):
@@ -76,14 +64,14 @@ def test_files_that_are_missing_or_that_a_volume_has_not_are_refused(files):
         ({"vertices": None}, "holds ["),
         ({"vertices": lambda a: a.astype("f4")}, "vertices is <f4"),
         ({"vertices": lambda a: a[:, :2].copy()}, "shapes {"),
-        ({"vertices": at((0, 0), np.nan)}, "vertices: want finite numbers"),
-        ({"faces": at((0, 0), 99)}, "faces[0, 0] = 99: want 0 to"),
-        ({"label": at(0, 3)}, "label[0] = 3: want 0 to 2"),
-        ({"leg": at(0, -1)}, "leg[0] = -1: want 0 to"),
+        ({"vertices": put((0, 0), np.nan)}, "vertices: want finite numbers"),
+        ({"faces": put((0, 0), 99)}, "faces[0, 0] = 99: want 0 to"),
+        ({"label": put(0, 3)}, "label[0] = 3: want 0 to 2"),
+        ({"leg": put(0, -1)}, "leg[0] = -1: want 0 to"),
         ({"label": lambda a: np.ones_like(a)}, "no facet is a floor"),
         ({"faces": lambda a: np.vstack([a[:1, ::-1], a[1:]])}, "the mesh is not closed"),
         ({"faces": lambda a: a[:, ::-1].copy()}, "normals point into the free space"),
-        ({"faces": at((0, slice(None)), 0)}, "names vertex 0 twice"),
+        ({"faces": put((0, slice(None)), 0)}, "names vertex 0 twice"),
         ({"vertices": lambda a: np.vstack([a, a[:1]])}, "vertices: 1 belong to no facet"),
         ({"vertices": lambda a: a * [1, 1, 2]}, "volume.high_m = 3.0: the bundle's arrays have 6.0"),
     ],
@@ -95,11 +83,11 @@ def test_a_mesh_that_is_not_closed_or_whose_arrays_are_others_is_refused(files, 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"corners": at((3, 1), np.inf)}, "part 0 has a corner at"),
+        ({"corners": put((3, 1), np.inf)}, "part 0 has a corner at"),
         ({"corners": lambda a: a * [1, 1, 0]}, "part 0 is 0 m thick"),
-        ({"first": at(1, 2)}, "first: want numbers from 0 to"),
+        ({"first": put(1, 2)}, "first: want numbers from 0 to"),
         ({"first": lambda a: a[:-1].copy()}, "shapes ("),
-        ({"label": at(0, -1)}, "label[0] = -1: want 0 to 2"),
+        ({"label": put(0, -1)}, "label[0] = -1: want 0 to 2"),
         ({"label": lambda a: np.where(a == 0, 1, a).astype("<i4")}, "volume.floors = "),
     ],
 )
@@ -112,15 +100,15 @@ def test_parts_without_a_volume_or_far_from_the_mine_are_refused(files, changes,
     [
         ({"cell_m": np.array(0.0)}, "cell_m = 0.0, want 0.05 to 2"),
         ({"origin_m": np.array([-1e6, 0.0])}, "origin_m = [-1000000.0, 0.0], want at most 10 m"),
-        ({"column": at(0, 10**6)}, "column[0] = 1000000: want 0 to"),
-        ({"floor_m": at(0, -5.0)}, "span 0: floor_m = -5.0"),
-        ({"headroom_m": at(0, 50.0)}, "headroom_m = 50.0"),
-        ({"clearance_m": at(0, np.inf)}, "clearance_m = inf"),
-        ({"aside_m": at(0, 1.0)}, "aside_m = [1.0, 1.0, 1.0]"),
-        ({"way_m": at(0, -1.0)}, "way_m = [-1.0, -1.0, -1.0, -1.0]"),
+        ({"column": put(0, 10**6)}, "column[0] = 1000000: want 0 to"),
+        ({"floor_m": put(0, -5.0)}, "span 0: floor_m = -5.0"),
+        ({"headroom_m": put(0, 50.0)}, "headroom_m = 50.0"),
+        ({"clearance_m": put(0, np.inf)}, "clearance_m = inf"),
+        ({"aside_m": put(0, 1.0)}, "aside_m = [1.0, 1.0, 1.0]"),
+        ({"way_m": put(0, -1.0)}, "way_m = [-1.0, -1.0, -1.0, -1.0]"),
         ({"way_m": lambda a: a[:, :3].copy()}, "want aside_m of three columns and way_m of 4"),
-        ({"column": at(slice(0, 2), 0), "row": at(slice(0, 2), 0)}, "spans 0 and 1 are in one column and overlap"),
-        ({"storey": at(0, 5)}, "volume.storeys = 1: the bundle's arrays have 6"),
+        ({"column": put(slice(0, 2), 0), "row": put(slice(0, 2), 0)}, "spans 0 and 1 are in one column and overlap"),
+        ({"storey": put(0, 5)}, "volume.storeys = 1: the bundle's arrays have 6"),
         ({"row": lambda a: a[:-1].copy()}, "of which all arrays have as many"),
     ],
 )

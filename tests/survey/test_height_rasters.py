@@ -8,7 +8,6 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-import pyogrio
 import pyproj
 import pytest
 import rasterio
@@ -24,6 +23,7 @@ from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.load import read_unlimited
 from pipeline.survey.surfaces import height_files
 from tests.project import ROOT
+from tests.survey.shape_files import write_shapes
 
 EAST, NORTH, GRADE, LOW_M, LENGTH_M = 500_000.0, 5_000_000.0, 0.05, 394.0, 120.0
 US_FOOT_M = 1200 / 3937
@@ -33,9 +33,7 @@ SHARED = ROOT.parent / "shared/data/turn4"
 
 def plan_of(tmp_path, crs="EPSG:32633"):
     moved = shapely.transform(DRIFT, lambda p: np.add(p, [EAST, NORTH]))
-    path = tmp_path / "plan.gpkg"
-    pyogrio.raw.write(path, np.array([moved.wkb], object), [], [], geometry_type="Polygon", crs=crs, layer="a")
-    return path
+    return write_shapes(tmp_path / "plan.gpkg", [moved], crs)
 
 
 def dem(path, scale=1.0, offset=0.0, crs="EPSG:32633", unit=None, dtype="float32", cell_m=2.0, turn_deg=0.0, **options):
@@ -254,7 +252,7 @@ def test_heights_in_feet_of_a_survey_without_a_system_have_their_own_unit(tmp_pa
     moved = shapely.transform(DRIFT, lambda p: np.add(p, [400.0, 300.0]))
     plan = tmp_path / "plan.gpkg"
     with pytest.warns(UserWarning, match="crs"):
-        pyogrio.raw.write(plan, np.array([moved.wkb], object), [], [], geometry_type="Polygon", crs=None, layer="a")
+        write_shapes(plan, [moved], None)
     place = rasterio.transform.from_origin(1000.0, 1200.0, 2.0, 2.0)
     options = {"height": 200, "width": 400, "count": 1, "dtype": "float64", "crs": "EPSG:2272", "transform": place}
     with rasterio.open(tmp_path / "dem.tif", "w", driver="GTiff", **options) as file:
@@ -274,15 +272,12 @@ def test_a_raster_in_degrees_or_in_another_system_names_the_transformation(tmp_p
 def test_a_surface_in_a_system_that_points_south_and_west_lies_where_the_plan_does(tmp_path):
     """The corner of Prague's grid that GDAL and PROJ give: x is southing, y is westing."""
     south, west = 1_043_000.0, 743_000.0
-    plan = tmp_path / "plan.gpkg"
     stored = shapely.transform(DRIFT, lambda p: np.column_stack([south - p[:, 1], west - p[:, 0]]))
-    pyogrio.raw.write(plan, np.array([stored.wkb], object), [], [], geometry_type="Polygon", crs="EPSG:5513", layer="a")
+    plan = write_shapes(tmp_path / "plan.gpkg", [stored], "EPSG:5513")
     lines = [
         shapely.LineString([(south - n, west - e, LOW_M + GRADE * e) for n in (-10, 50)]) for e in range(-10, 140, 10)
     ]
-    contours = tmp_path / "contours.gpkg"
-    wkb = np.array([shapely.to_wkb(line, output_dimension=3) for line in lines], object)
-    pyogrio.raw.write(contours, wkb, [], [], geometry_type="LineString Z", crs="EPSG:5513+5705", layer="a")
+    contours = write_shapes(tmp_path / "contours.gpkg", lines, "EPSG:5513+5705")
     assert pyproj.CRS("EPSG:5513").axis_info[0].direction == "south"
     spots = spots_of(plan, contours)
     np.testing.assert_allclose(spots[:, 2], LOW_M + GRADE * spots[:, 0], atol=0.6)

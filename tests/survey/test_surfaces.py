@@ -1,10 +1,7 @@
 """Heights of the floor from a surface: a raster, contour lines, labels, walls with elevations."""
 
-from pathlib import Path
-
 import ezdxf
 import numpy as np
-import pyogrio.raw
 import pytest
 import rasterio
 import shapely
@@ -23,21 +20,16 @@ from stages.contours import trace_free_space
 from tests.composed import compose
 from tests.project import ROOT
 from tests.survey.levels.test_level_floors import heights_at
+from tests.survey.shape_files import write_shapes
 
 WORKINGS = shapely.box(0, 0, 80, 5).union(shapely.box(40, 0, 45, 40))
 EAST, NORTH, GRADE = 500_000.0, 7_000_000.0, 0.1
 PLACES = np.array([[20, 1], [60, 4], [30.0, 2.5], [42.5, 20], [42.5, 35]])
 
 
-def write(path: Path, shapes, kind, dimension=2):
-    wkb = np.array([shapely.to_wkb(shape, output_dimension=dimension) for shape in shapes], object)
-    pyogrio.raw.write(path, wkb, [], [], geometry_type=kind, crs="EPSG:32719", layer="a")
-    return path
-
-
 def plan_of(tmp_path):
     moved = shapely.transform(WORKINGS, lambda p: np.add(p, [EAST, NORTH]))
-    return write(tmp_path / "plan.gpkg", [moved], "Polygon")
+    return write_shapes(tmp_path / "plan.gpkg", [moved])
 
 
 def raster(tmp_path, crs="EPSG:32719", east=EAST, lift_m=0.0):
@@ -54,7 +46,7 @@ def raster(tmp_path, crs="EPSG:32719", east=EAST, lift_m=0.0):
 
 def contours(tmp_path):
     lines = [LineString([(EAST + 10 * k, NORTH - 9, 100 + k), (EAST + 10 * k, NORTH + 49, 100 + k)]) for k in range(9)]
-    return write(tmp_path / "contours.gpkg", lines, "LineString Z", 3)
+    return write_shapes(tmp_path / "contours.gpkg", lines)
 
 
 def labels(tmp_path):
@@ -104,7 +96,7 @@ def test_between_the_rings_of_a_polygon_there_is_no_wall(tmp_path):
     ]
     high = {(40, 5): 3, (40, 20): 3, (40, 40): 3, (45, 5): 3, (45, 20): 3, (45, 40): 3}
     solid = [[(EAST + x, NORTH + y, 100 + high.get((x, y), 0)) for x, y in ring] for ring in rings]
-    path = write(tmp_path / "walls.gpkg", [shapely.Polygon(solid[0], solid[1:])], "Polygon Z", 3)
+    path = write_shapes(tmp_path / "walls.gpkg", [shapely.Polygon(solid[0], solid[1:])])
     spots = np.array(read(path, None).survey.heights.spots)
     inside = (spots[:, 0] > 40.5) & (spots[:, 0] < 44.5) & (spots[:, 1] > 6) & (spots[:, 1] < 39)
     assert not inside.any()
@@ -148,7 +140,7 @@ def test_a_surface_that_does_not_belong_to_the_plan_is_refused(tmp_path):
     (tmp_path / "dem.tif").write_bytes(b"II*\0nothing")
     with pytest.raises(InputError, match=r"dem\.tif: not a raster of heights"):
         read(plan, tmp_path / "dem.tif")
-    empty = write(tmp_path / "flat.gpkg", [LineString([(EAST, NORTH), (EAST + 9, NORTH)])], "LineString")
+    empty = write_shapes(tmp_path / "flat.gpkg", [LineString([(EAST, NORTH), (EAST + 9, NORTH)])])
     with pytest.raises(InputError, match=r"flat\.gpkg: no point, line or label with an elevation"):
         read(plan, empty)
     with pytest.raises(InputError, match=r"dem\.png: survey\.heights is read from \.csv, \.tif"):
@@ -170,7 +162,7 @@ def test_a_stray_elevation_of_0_is_refused_with_its_place(tmp_path):
     with pytest.raises(
         InputError, match=r"1 points have elevation 0, the first at \(30\.0, 2\.5\) m in the mine frame"
     ):
-        read(plan_of(tmp_path), write(tmp_path / "spots.gpkg", points, "Point Z", 3))
+        read(plan_of(tmp_path), write_shapes(tmp_path / "spots.gpkg", points))
 
 
 def network_of(*places):

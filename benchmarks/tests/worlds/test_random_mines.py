@@ -10,18 +10,11 @@ from pipeline.mjcf.bundle import open_bundle
 from pipeline.mjcf.render import render_free_space
 from pipeline.proof.certificate import certify, measure_containment
 from tests.composed import compose
-from tests.mines import BuiltMine, random_mine
-
-COARSE = [
-    "surface.rough.spacing_m=0.3",
-    "surface.rough.roof_spacing_m=0.4",
-    "surface.texture.size_px=64",
-    "realism.preview_width_px=64",
-]
+from tests.mines import COARSE_ROCK, BuiltMine, random_mine
 
 
 def test_a_random_mine_becomes_a_world_that_matches_its_plan(tmp_path):
-    config = compose(COARSE)
+    config = compose([*COARSE_ROCK, "surface.texture.size_px=64"])
     built = BuiltMine(random_mine(np.random.default_rng(3), 3), config, tmp_path)
     world = open_bundle(built.bundle)
     assert built.free_space.polygon.is_valid

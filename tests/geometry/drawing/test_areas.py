@@ -12,10 +12,7 @@ from pipeline.geometry.drawing.doubts import require_filled
 from pipeline.geometry.drawing.fills import find_filled, find_ink
 from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.hatches import find_hatched
-
-
-def iou(one, other):
-    return (one & other).sum() / (one | other).sum()
+from pipeline.metrics.iou import intersection_over_union as iou
 
 
 def shown(seed):

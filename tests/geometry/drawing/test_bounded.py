@@ -8,6 +8,7 @@ from pipeline.geometry.drawing.bounded import read_bounded, share_of
 from pipeline.geometry.drawing.doubts import DrawingError
 from pipeline.geometry.drawing.fills import find_ink, paper_colour
 from pipeline.geometry.drawing.find import read_drawing
+from pipeline.metrics.iou import intersection_over_union as iou
 
 
 def enlarged(seed, factor):
@@ -15,10 +16,6 @@ def enlarged(seed, factor):
     picture = cv2.resize(drawing.picture, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
     truth = cv2.resize(drawing.levels[-1].astype(np.uint8), picture.shape[1::-1], interpolation=cv2.INTER_LINEAR) > 0
     return picture, truth
-
-
-def iou(one, other):
-    return (one & other).sum() / (one | other).sum()
 
 
 @pytest.mark.parametrize("seed", [pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 13)])

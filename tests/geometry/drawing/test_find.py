@@ -9,13 +9,10 @@ from pipeline.errors import GeometryError
 from pipeline.geometry.drawing.candidates import choose_plan
 from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.wall_lines import DrawnWalls
+from pipeline.metrics.iou import intersection_over_union as iou
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.drawing.scale import find_bar, measure_bar
-
-
-def iou(one, other):
-    return (one & other).sum() / (one | other).sum()
 
 
 @pytest.mark.parametrize(

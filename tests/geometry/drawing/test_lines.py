@@ -11,10 +11,7 @@ from pipeline.geometry.drawing.find import read_drawing
 from pipeline.geometry.drawing.measures import drop_measures
 from pipeline.geometry.drawing.tables import drop_tables
 from pipeline.geometry.drawing.wall_lines import drop_ruled
-
-
-def iou(one, other):
-    return (one & other).sum() / (one | other).sum()
+from pipeline.metrics.iou import intersection_over_union as iou
 
 
 @pytest.mark.parametrize(

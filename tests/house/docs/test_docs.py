@@ -27,8 +27,9 @@ def commands_of(page):
 
 # Commands that are not run here, and the place where each is tested.
 ELSEWHERE = {
-    r"make all.*": "by the fixture `built`; with overrides in tests/house/test_pipeline.py",
+    r"make all.*": "by the fixture `built`; with overrides in tests/commands/test_choices.py",
     r"make test": "this is the test run",
+    r"dvc exp run -S \"overrides='contours\.tolerance_m=0\.15'\"": "tests/house/test_pipeline.py, in a small mine",
     r"make corpus": "benchmarks/tests/test_corpus.py, with few worlds",
     r"(python3 -m venv own|own/bin/.*)": "tests/minexplore/test_wheel_clients.py, with a small mine",
     r"sh requirements/setup.sh baselines": "it installs; the tests' environment is used",
@@ -37,7 +38,8 @@ ELSEWHERE = {
     r"RAY_ADDRESS=.* python -m pipeline worlds .*": "tests/commands/test_family.py, on a cluster of two nodes",
     r"python -m baselines.ppo.curves": "baselines/tests/ppo/test_ppo.py; it draws the curves of long training",
     r"(make evidence|python -m benchmarks (stale|evidence).*)": "benchmarks/tests/test_freshness.py",
-    r"python -m benchmarks stress-test": "`certify --contacts 20000` is run here; this is the same with more",
+    r"python -m pipeline certify .* --contacts 20000": "tests/proof/test_certificate.py, within 4 GB of addresses",
+    r"python -m benchmarks stress-test": "the same with more contacts",
     r"make data": "tests/survey/test_fetch.py, from a mirror",
     r"python -m benchmarks replay": "tests/proof/test_certificate.py; by what `make data` fetches",
     r".*python -m benchmarks train.*": "baselines/tests/ppo/test_ppo.py: training, interruption, resumption, two nodes",
@@ -50,6 +52,7 @@ ELSEWHERE = {
     r"python -m pipeline verify my-mine": "`verify` of the default is run here; this mine is an example",
     r"python -m baselines.evaluate --policy my-mine-.*": "baselines/tests/ppo/test_ppo.py; the policy is an example",
     r"python -m baselines.split .*": "baselines/tests/test_split.py; it needs the mines of a split",
+    r"python -m pipeline export artifacts/realism/world --to sdf .*": "tests/export/test_exporter.py, timed",
     r"python -m pipeline export .* --to usd": "tests/export/test_export_formats.py; it needs the extra `export`",
     r"python -m minexplore play [^ ]+": "tests/minexplore/envs/test_env.py; it opens a window",
     r"python -m minexplore record .* --live": "tests/minexplore/extra/record/test_recording.py; it serves a page",

@@ -1,7 +1,5 @@
 """Compass projects and survey data. The places are those that Survex 1.4.22 gives."""
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -10,9 +8,8 @@ from minesurveys.compass.project import utm_system
 from minesurveys.solved.model import LegFlag, StationFlag
 from minesurveys.solved_surveys import solve_file, survey_files
 from pipeline.errors import InputError
-from tests.solved import position_of
+from tests.solved import needs_cavern, position_of, write
 
-needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 HEAD = "FROM TO LENGTH BEARING INC LEFT UP DOWN RIGHT FLAGS COMMENTS"
 FOOT_M = 0.3048
 
@@ -20,13 +17,6 @@ FOOT_M = 0.3048
 def data(shots, declination="DECLINATION: 0 FORMAT: DDDDLRUDLADN CORRECTIONS: 0 0 0", date="7 10 1979"):
     head = f"Cave\r\nSURVEY NAME: A\r\nSURVEY DATE: {date}  COMMENT:x\r\nSURVEY TEAM:\r\nme\r\n{declination}\r\n\r\n"
     return f"{head}{HEAD}\r\n\r\n" + "".join(f"{shot}\r\n" for shot in shots) + "\f\r\n"
-
-
-def write(folder, files):
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(text.encode("latin-1"))
-    return folder / next(iter(files))
 
 
 @pytest.fixture

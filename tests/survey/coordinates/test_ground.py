@@ -4,7 +4,6 @@ import re
 
 import cv2
 import numpy as np
-import pyogrio
 import pyproj
 import pytest
 import rasterio
@@ -18,6 +17,7 @@ from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.enclosed import workings_of
 from tests.mines import TEE
+from tests.survey.shape_files import write_shapes
 
 _PLACE = (12.0, 55.0)
 
@@ -45,8 +45,7 @@ def test_systems_made_for_lengths_are_true_to_scale_in_metres_and_feet(crs, plac
 
 @pytest.mark.parametrize("crs", ["EPSG:3857", "EPSG:32662"])
 def test_a_vector_mine_in_a_stretched_system_has_its_true_area_and_width_and_says_so(tmp_path, crs):
-    path = tmp_path / "mine.gpkg"
-    pyogrio.raw.write(path, np.array([in_system(TEE, crs).wkb], dtype=object), [], [], geometry_type="Polygon", crs=crs)
+    path = write_shapes(tmp_path / "mine.gpkg", [in_system(TEE, crs)], crs)
     shapes, georeference = locate(path, read_geodata(path, None), None, None)
     assert workings_of(path, shapes, 0.25, []).area == pytest.approx(TEE.area, rel=1e-3)
     assert "tmerc" in georeference.projection
@@ -54,8 +53,7 @@ def test_a_vector_mine_in_a_stretched_system_has_its_true_area_and_width_and_say
 
 
 def test_a_local_grid_with_a_wrong_system_keeps_its_lengths(tmp_path):
-    path = tmp_path / "mine.gpkg"
-    pyogrio.raw.write(path, np.array([TEE.wkb], dtype=object), [], [], geometry_type="Polygon", crs="EPSG:32719")
+    path = write_shapes(tmp_path / "mine.gpkg", [TEE])
     shapes, georeference = locate(path, read_geodata(path, None), None, None)
     assert workings_of(path, shapes, 0.25, []).area == pytest.approx(TEE.area, rel=1e-9)
     assert georeference.projection is None

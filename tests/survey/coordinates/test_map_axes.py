@@ -6,7 +6,6 @@ Files are written by pyogrio (GDAL), and the right places are PROJ's.
 import re
 
 import numpy as np
-import pyogrio
 import pyproj
 import pytest
 import rasterio
@@ -26,16 +25,10 @@ from pipeline.params.survey import CentrelineSurveyParams
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.mines import TEE
+from tests.survey.shape_files import write_shapes
 
 PRAGUE, KAROO, SAN_DIEGO, PARIS = (14.4, 50.1), (19.3, -31.0), (-116.9, 32.8), (2.6, 48.7)
 US_FOOT_M = 1200 / 3937
-
-
-def write(path, shapes, crs):
-    kind = shapes[0].geom_type + (" Z" if shapes[0].has_z else "")
-    wkb = np.array([shapely.to_wkb(shape, output_dimension=2 + shape.has_z) for shape in shapes], object)
-    pyogrio.raw.write(path, wkb, [], [], geometry_type=kind, crs=crs, layer="a")
-    return path
 
 
 def laid(shape, place, crs):
@@ -63,7 +56,7 @@ def moved_to(shape, system, other):
 )
 def test_a_mine_in_a_system_whose_axes_point_south_and_west_is_not_mirrored(tmp_path, crs, same, place, told):
     wanted = laid(TEE, place, same)
-    path = write(tmp_path / "mine.gpkg", [moved_to(wanted, same, crs) if told else wanted], crs)
+    path = write_shapes(tmp_path / "mine.gpkg", [moved_to(wanted, same, crs) if told else wanted], crs)
     with collect_remarks() as remarks:
         (found,), georeference = locate(path, read_geodata(path, None), None, None)
     there = shapely.transform(found, lambda p: p + georeference.origin)
@@ -75,7 +68,7 @@ def test_a_mine_in_a_system_whose_axes_point_south_and_west_is_not_mirrored(tmp_
 @pytest.mark.parametrize("suffix", [".gpkg", ".shp", ".geojson"])
 def test_every_format_with_a_system_that_points_south_and_west_is_read_by_its_axes(tmp_path, suffix):
     wanted = laid(TEE, PRAGUE, "EPSG:5514")
-    path = write(tmp_path / f"mine{suffix}", [moved_to(wanted, "EPSG:5514", "EPSG:5513")], "EPSG:5513")
+    path = write_shapes(tmp_path / f"mine{suffix}", [moved_to(wanted, "EPSG:5514", "EPSG:5513")], "EPSG:5513")
     read = read_geojson if suffix == ".geojson" else read_geodata
     (found,), georeference = locate(path, read(path, None), None, None)
     assert shapely.transform(found, lambda p: p + georeference.origin).hausdorff_distance(wanted) < 0.01
@@ -95,7 +88,7 @@ def test_a_picture_in_a_system_that_points_south_and_west_is_not_called_mirrored
 
 @pytest.mark.parametrize("crs", ["EPSG:5513", "EPSG:2048"])
 def test_without_its_system_the_same_file_has_x_east_and_y_north_as_the_remark_says(tmp_path, crs):
-    path = write(tmp_path / "mine.gpkg", [laid(TEE, PRAGUE if crs == "EPSG:5513" else KAROO, crs)], None)
+    path = write_shapes(tmp_path / "mine.gpkg", [laid(TEE, PRAGUE if crs == "EPSG:5513" else KAROO, crs)], None)
     (found,), georeference = locate(path, read_geodata(path, None), None, None)
     offset = np.array(shapely.get_coordinates(laid(TEE, PRAGUE if crs == "EPSG:5513" else KAROO, crs))[0])
     first = shapely.get_coordinates(found)[0] + georeference.origin
@@ -123,7 +116,7 @@ def test_heights_have_the_unit_and_the_direction_of_their_own_axis(tmp_path, crs
     plan = pyproj.CRS(crs).sub_crs_list[0] if "+" in crs else pyproj.CRS(crs)
     x, y = pyproj.Transformer.from_crs(plan.geodetic_crs, plan, always_xy=True).transform(*place)
     line = shapely.LineString([(x + e / plan_m, y + n / plan_m, up / up_m) for e, n, up in RAMP])
-    path = write(tmp_path / f"ramp{suffix}", [line], crs)
+    path = write_shapes(tmp_path / f"ramp{suffix}", [line], crs)
     params = CentrelineSurveyParams(kind="centrelines", name="a", file="data/x", half_width_m=2.0, heights=None)
     with collect_remarks() as remarks:
         legs = read_vector_survey(params.model_copy(update={"file": path.as_posix()})).shape
@@ -138,7 +131,7 @@ def test_heights_have_the_unit_and_the_direction_of_their_own_axis(tmp_path, crs
 
 def test_a_stated_unit_overrules_that_of_both_axes_but_not_their_direction(tmp_path):
     line = shapely.LineString([(0, 0, -10), (50, 0, -20)])
-    path = write(tmp_path / "ramp.gpkg", [line], "EPSG:2230+6358")
+    path = write_shapes(tmp_path / "ramp.gpkg", [line], "EPSG:2230+6358")
     found = with_heights(path, read_geodata(path, None), "ft").shapes[0]
     assert shapely.get_coordinates(found, include_z=True)[:, 2].tolist() == [10, 20]
 
@@ -163,7 +156,7 @@ def test_degrees_are_projected_on_the_ellipsoid_of_their_own_body(tmp_path, crs,
         lon, lat, _ = geod.fwd([place[0]] * len(p), [place[1]] * len(p), azimuth, far)
         return np.column_stack([np.array(lon) - offset, lat]) / unit
 
-    path = write(tmp_path / "mine.gpkg", [shapely.transform(TEE, on_body)], crs)
+    path = write_shapes(tmp_path / "mine.gpkg", [shapely.transform(TEE, on_body)], crs)
     (found,), georeference = locate(path, read_geodata(path, None), None, None)
     assert found.area == pytest.approx(TEE.area, rel=1e-4)
     assert found.length == pytest.approx(TEE.length, abs=0.01)
@@ -172,7 +165,7 @@ def test_degrees_are_projected_on_the_ellipsoid_of_their_own_body(tmp_path, crs,
 
 def test_a_mine_in_degrees_on_the_moon_is_detected_with_metres_of_its_sphere(tmp_path):
     degree_m = 1_737_400 * np.pi / 180
-    path = write(
+    path = write_shapes(
         tmp_path / "mine.gpkg", [shapely.transform(TEE, lambda p: p / degree_m + [23.5, 0.0])], "IAU_2015:30100"
     )
     found = detect_survey(path, StatedOptions())
@@ -187,13 +180,13 @@ def test_coordinates_from_the_earths_centre_are_refused_and_the_advised_zone_is_
         return np.column_stack(to_centre.transform(500_000 + p[:, 0], 5_550_000 + p[:, 1], 300 + p[:, 2]))
 
     line = shapely.LineString(RAMP)
-    path = write(tmp_path / "mine.gpkg", [shapely.transform(line, at, include_z=True)], "EPSG:4978")
+    path = write_shapes(tmp_path / "mine.gpkg", [shapely.transform(line, at, include_z=True)], "EPSG:4978")
     with pytest.raises(InputError, match=r"x, y and z from the Earth's centre") as refused:
         locate(path, read_geodata(path, None), None, None)
     advised = re.search(r"EPSG:326\d\d", str(refused.value))[0]
     back = pyproj.Transformer.from_crs("EPSG:4978", advised, always_xy=True)
     again = shapely.transform(read_geodata(path, None).shapes[0], lambda p: np.column_stack(back.transform(*p.T)), True)
-    path = write(tmp_path / "utm.gpkg", [again], advised)
+    path = write_shapes(tmp_path / "utm.gpkg", [again], advised)
     (found,), _ = locate(path, read_geodata(path, None), None, None)
     assert found.length == pytest.approx(120.0, abs=0.01)
 

@@ -10,6 +10,7 @@ from minesurveys.pictures.image import read_pixels
 from pipeline.errors import InputError
 from pipeline.geometry.outline.binarize import binarize
 from pipeline.geometry.rasterize import fill_polygon
+from pipeline.metrics.iou import intersection_over_union as iou
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.picture import detect_picture
@@ -38,10 +39,6 @@ def read(path):
     values = detect_picture(path, StatedOptions(px_per_m=8.0)).values
     plan = read_plan(PlanSurveyParams.model_validate({**values, "name": "m", "image": f"data/{path.name}"})).plan
     return binarize(plan, None, 40, 2.0, []), values
-
-
-def iou(one, other):
-    return (one & other).sum() / (one | other).sum()
 
 
 @pytest.mark.parametrize(("lost", "shadow"), [(0.3, 0.0), (0.6, 0.0), (0.0, 0.5), (0.6, 0.5)])

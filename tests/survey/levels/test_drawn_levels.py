@@ -5,7 +5,6 @@ from pathlib import Path
 
 import ezdxf
 import numpy as np
-import pyogrio.raw
 import pytest
 import shapely
 from shapely import LineString, Polygon
@@ -15,6 +14,7 @@ from pipeline.params.survey import VectorSurveyParams
 from pipeline.survey.detect import detect_here
 from pipeline.survey.levels.areas import Area
 from pipeline.survey.vector_survey import read_vector_survey
+from tests.survey.shape_files import write_shapes
 
 DROP_M, DATUM_M = 12.0, 400.0
 UPPER = [(0, 0), (80, 0), (80, 5), (45, 5), (45, 40), (40, 40), (40, 5), (0, 5)]
@@ -92,9 +92,7 @@ def write(path: Path, layers, lift_m=DATUM_M, flat=()):
         return path
     for name in layers:
         shapes = [Polygon(line) if len(line.coords) > 3 else line for layer, line in lines if layer == name]
-        wkb = np.array([shapely.to_wkb(shape, output_dimension=3) for shape in shapes], object)
-        kind = "Polygon Z" if isinstance(shapes[0], Polygon) else "LineString Z"
-        pyogrio.raw.write(path, wkb, [], [], geometry_type=kind, crs="EPSG:32719", layer=name, append=path.exists())
+        write_shapes(path, shapes, layer=name, append=path.exists())
     return path
 
 

@@ -12,9 +12,7 @@ from pipeline.errors import InputError
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.plan_view import plan_legs
-from tests.solved import read_passages
-
-needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
+from tests.solved import needs_cavern, read_passages
 
 SVX = """*begin cave ; a comment
 *cs EPSG:32719

@@ -1,7 +1,5 @@
 """Repeated legs tie passages, equated stations are one, and a leg that was read twice keeps its passage."""
 
-import shutil
-
 import numpy as np
 import pytest
 
@@ -13,8 +11,9 @@ from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.whole_survey import built_piece, footprint, read_whole
 from pipeline.types import lines_of
 from tests.project import ROOT
+from tests.solved import needs_cavern, write
 
-pytestmark = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
+pytestmark = needs_cavern
 GIVEN = ROOT.parent / "shared/data/turn4"
 PARAMS = PassageSurveyParams(kind="passages", name="a", file="data/x")
 SHOTS = "*data normal from to tape compass clino\n"
@@ -30,11 +29,6 @@ DUPLICATE = "*flags duplicate\n{}*flags not duplicate\n"
 def read(path, piece=None):
     survey, legs = read_whole(path, PARAMS)
     return legs, built_piece(path, survey, legs, piece)
-
-
-def write(folder, text):
-    (folder / "a.svx").write_text(text)
-    return folder / "a.svx"
 
 
 def given(name):

@@ -1,7 +1,6 @@
 """Surveys in three dimensions: solved files, Survex projects, and what a flat world cannot show."""
 
 import re
-import shutil
 import subprocess
 
 import numpy as np
@@ -21,17 +20,9 @@ from pipeline.survey.passages.relief import has_relief
 from pipeline.survey.passages.workings import build_workings
 from pipeline.survey.solved.plan_view import plan_legs
 from tests.project import ROOT
-from tests.solved import position_of, read_passages
+from tests.solved import needs_cavern, position_of, read_passages, write
 
-needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT / "data/wheal_pell/pell.3d"
-
-
-def write(folder, files):
-    for name, data in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
-    return folder / next(iter(files))
 
 
 def test_a_solved_file_gives_stations_legs_and_cross_sections(tmp_path):

@@ -1,7 +1,6 @@
 """Therion centrelines in Survex's form, and Wheal Pell's project beside the file that Therion made of it."""
 
 import itertools
-import shutil
 import subprocess
 from datetime import date
 from pathlib import Path
@@ -18,17 +17,9 @@ from minesurveys.therion.convert import to_survex
 from minesurveys.therion.place import _convergence_deg, _square
 from pipeline.errors import InputError
 from tests.project import ROOT
-from tests.solved import position_of, read_passages
+from tests.solved import needs_cavern, position_of, read_passages, write
 
-needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 PELL = ROOT.parent / "shared/data/wheal_pell"
-
-
-def write(folder: Path, files: dict) -> Path:
-    for name, data in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data if isinstance(data, bytes) else data.encode())
-    return folder / next(iter(files))
 
 
 def centreline(text: str) -> str:

@@ -4,7 +4,6 @@ Put another version of `cavern` first in PATH to test it.
 """
 
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -20,9 +19,8 @@ from pipeline.errors import InputError
 from pipeline.params.survey import PassageSurveyParams
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.project import ROOT
-from tests.solved import position_of
+from tests.solved import needs_cavern, position_of, write
 
-needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 GIVEN = ROOT.parent / "shared/data/turn4"
 SHOTS = "*data normal from to tape compass clino\n"
 HIDDEN = "*fix a 0 0 0 1 1 1\n*fix b 100 3 0 1 1 1\n"
@@ -45,11 +43,6 @@ def given(name: str) -> Path:
     if not (GIVEN / name).is_file():
         pytest.skip("the shared inputs are not here")
     return GIVEN / name
-
-
-def write(folder: Path, text: str) -> Path:
-    (folder / "a.svx").write_text(text)
-    return folder / "a.svx"
 
 
 def length_of(survey) -> float:

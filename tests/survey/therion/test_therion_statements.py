@@ -10,9 +10,9 @@ import pytest
 from minesurveys.solved.survex_3d import read_3d
 from minesurveys.solved_surveys import entrances_of, solve_file
 from tests.project import ROOT
-from tests.solved import position_of
+from tests.solved import needs_cavern, position_of
 
-pytestmark = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
+pytestmark = needs_cavern
 GIVEN = ROOT.parent / "shared/data/turn4"
 NORMAL = "data normal from to length compass clino\n"
 SHOTS = f"{NORMAL}1 2 100 0 0\n2 3 100 90 0\n"

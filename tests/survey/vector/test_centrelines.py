@@ -4,7 +4,6 @@ from pathlib import Path
 
 import ezdxf
 import numpy as np
-import pyogrio.raw
 import pytest
 import shapely
 from shapely import LineString
@@ -16,6 +15,7 @@ from pipeline.survey.detect import detect_here
 from pipeline.survey.vector.centrelines import read_centrelines
 from pipeline.survey.vector_survey import read_shapes, read_vector_survey
 from tests.heights import RAMP, levels, seam, spiral, table
+from tests.survey.shape_files import write_shapes
 
 HALF_M = 2.2
 
@@ -37,9 +37,7 @@ def write(path: Path, lines):
             drawing.modelspace().add_polyline3d(list(line.coords), dxfattribs={"layer": "DRIFTS"})
         drawing.saveas(path)
         return path
-    shapes = np.array([shapely.to_wkb(line, output_dimension=3) for line in lines], object)
-    pyogrio.raw.write(path, shapes, [], [], geometry_type="LineString Z", crs="EPSG:32719", layer="drifts")
-    return path
+    return write_shapes(path, lines, layer="drifts")
 
 
 def drawn(path: Path, **values):

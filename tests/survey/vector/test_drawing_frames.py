@@ -4,8 +4,6 @@ import itertools
 import json
 
 import ezdxf
-import numpy as np
-import pyogrio
 import pytest
 import shapely
 from shapely import LineString, box
@@ -16,6 +14,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.drawing_frames import require_no_boundary
 from tests.mines import RING, TEE
+from tests.survey.shape_files import write_shapes
 
 
 def save(path, mine, frames=1, grid=True, one_layer=False):
@@ -141,8 +140,7 @@ LEASE = shapely.Polygon([(-30, -20), (120, -30), (130, 70), (-20, 80)])
 def save_layers(path, **layers):
     """Write a GeoPackage in metres with the areas of each layer."""
     for name, areas in layers.items():
-        shapes = shapely.to_wkb(np.array(areas, object))
-        pyogrio.raw.write(path, shapes, [], [], layer=name, geometry_type="Polygon", crs="EPSG:32632")
+        write_shapes(path, areas, "EPSG:32632", layer=name)
     return path
 
 

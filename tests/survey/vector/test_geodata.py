@@ -3,20 +3,19 @@
 import sqlite3
 import struct
 
-import numpy as np
 import pyogrio.raw
 import pytest
 
 from minesurveys.vector.geodata import read_geodata
 from pipeline.errors import InputError
 from tests.mines import RING
+from tests.survey.shape_files import write_shapes
 
 
 @pytest.fixture
 def geopackage(tmp_path):
     """Return a GeoPackage that its last writer left in the mode of a write-ahead log."""
-    path = tmp_path / "mine.gpkg"
-    pyogrio.raw.write(path, np.array([RING.wkb], dtype=object), [], [], geometry_type="Polygon", crs="EPSG:32719")
+    path = write_shapes(tmp_path / "mine.gpkg", [RING])
     data = bytearray(path.read_bytes())
     data[18:20] = b"\x02\x02"
     path.write_bytes(bytes(data))
@@ -35,9 +34,7 @@ def test_a_geopackage_with_changes_in_its_log_is_refused(geopackage):
 
 
 def test_a_file_of_which_one_shape_is_broken_is_refused_and_not_read_without_it(tmp_path):
-    path = tmp_path / "mine.shp"
-    rings = np.array([RING.wkb, RING.wkb], dtype=object)
-    pyogrio.raw.write(path, rings, [], [], geometry_type="Polygon", crs="EPSG:32719")
+    path = write_shapes(tmp_path / "mine.shp", [RING, RING], layer="mine")
     data = bytearray(path.read_bytes())
     corner = struct.pack("<2d", *RING.exterior.coords[0])
     at = data.rindex(corner)
@@ -49,8 +46,7 @@ def test_a_file_of_which_one_shape_is_broken_is_refused_and_not_read_without_it(
 
 def test_a_geopackage_whose_system_is_undefined_states_no_unit(tmp_path):
     """OGC 12-128r18, 1.1.2.1.2: srs_id -1 is an undefined Cartesian system."""
-    path = tmp_path / "mine.gpkg"
-    pyogrio.raw.write(path, np.array([RING.wkb], object), [], [], geometry_type="Polygon", crs="EPSG:32719", layer="a")
+    path = write_shapes(tmp_path / "mine.gpkg", [RING])
     with sqlite3.connect(path) as database:
         database.execute("UPDATE gpkg_geometry_columns SET srs_id = -1")
     assert pyogrio.read_info(path)["crs"].startswith("LOCAL_CS")

@@ -15,6 +15,7 @@ from minesurveys.vector.earth.kml import read_kml
 from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
+from tests.survey.shape_files import write_shapes
 
 LINE = shapely.LineString([(-70.1, -33.1, 2400.0), (-70.099, -33.1, 2401.0)])
 SQUARE = shapely.box(-70.1, -33.1, -70.0999, -33.0999)
@@ -97,17 +98,7 @@ def test_all_kml_files_in_a_kmz_file_are_read_within_a_limit(tmp_path, monkeypat
 
 def test_tracks_of_gpx_that_gdal_writes_keep_their_elevations(tmp_path):
     lines = [shapely.MultiLineString([LINE])]
-    wkb = np.array(shapely.to_wkb(lines, flavor="iso"), object)
-    pyogrio.raw.write(
-        tmp_path / "a.gpx",
-        wkb,
-        [],
-        [],
-        geometry_type="MultiLineString Z",
-        crs="EPSG:4326",
-        driver="GPX",
-        layer="tracks",
-    )
+    write_shapes(tmp_path / "a.gpx", lines, "EPSG:4326", driver="GPX", layer="tracks")
     content, remarks = read(tmp_path / "a.gpx")
     assert content.shapes == lines
     assert (content.layer_of, remarks) == (["tracks"], "")

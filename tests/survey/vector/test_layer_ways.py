@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import pyogrio
 import pytest
 import shapely
 from shapely import LineString
@@ -12,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.geometry.outline.enclosure import enclose_workings
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
+from tests.survey.shape_files import write_shapes
 
 OTHERS = {
     "roads": [LineString([(-400, -400), (-400, 400)])],
@@ -26,9 +26,8 @@ AXES = [LineString([(0, 0), (400, 0)]), LineString([(200, 0), (200, 300)])]
 
 def write(path, layers):
     for number, (name, lines) in enumerate(layers.items()):
-        wkb = [shapely.transform(line, lambda p: np.add(p, [500_000, 5_000_000])).wkb for line in lines]
-        options = {"geometry_type": "LineString", "crs": "EPSG:32633", "layer": name, "append": number > 0}
-        pyogrio.raw.write(path, np.array(wkb, object), [], [], **options)
+        moved = [shapely.transform(line, lambda p: np.add(p, [500_000, 5_000_000])) for line in lines]
+        write_shapes(path, moved, "EPSG:32633", layer=name, append=number > 0)
     return path
 
 
@@ -63,9 +62,8 @@ def test_a_gap_that_is_wider_than_any_snap_is_told_without_that_option():
 
 def test_a_system_in_feet_is_not_given_up_for_another_unit(tmp_path):
     """Walls with a gap, which a smaller unit would close."""
-    path = tmp_path / "mine.gpkg"
-    wkb = [shapely.transform(line, lambda p: np.add(p, [2_700_000, 250_000])).wkb for line in WALLS]
-    pyogrio.raw.write(path, np.array(wkb, object), [], [], geometry_type="LineString", crs="EPSG:2272", layer="a")
+    moved = [shapely.transform(line, lambda p: np.add(p, [2_700_000, 250_000])) for line in WALLS]
+    path = write_shapes(tmp_path / "mine.gpkg", moved, "EPSG:2272")
     with pytest.raises(InputError, match="enclose nothing") as refused:
         detect_survey(path)
     assert "--unit" not in str(refused.value)

@@ -13,6 +13,7 @@ from pipeline.errors import InputError
 from pipeline.params.survey import CentrelineSurveyParams, VectorSurveyParams
 from pipeline.survey.detect import detect_here
 from pipeline.survey.vector_survey import read_vector_survey
+from tests.survey.shape_files import write_shapes
 
 HALF_M = 2.5
 SEAMS = (-420.0, -460.0, -500.0)
@@ -79,15 +80,14 @@ def test_areas_of_seams_that_lie_over_each_other_are_joined_with_a_warning_of_th
 
 
 def test_areas_beside_each_other_are_joined_without_a_warning(tmp_path, capsys):
-    shapes = np.array([shapely.box(k * 10, 0, k * 10 + 10.01, 5).wkb for k in range(4)], object)
-    pyogrio.raw.write(tmp_path / "a.gpkg", shapes, [], [], geometry_type="Polygon", crs="EPSG:32632")
-    assert read(tmp_path / "a.gpkg", VectorSurveyParams).workings.area == pytest.approx(200, abs=0.1)
+    path = write_shapes(tmp_path / "a.gpkg", [shapely.box(k * 10, 0, k * 10 + 10.01, 5) for k in range(4)])
+    assert read(path, VectorSurveyParams).workings.area == pytest.approx(200, abs=0.1)
     assert "lie over" not in capsys.readouterr().err
 
 
 def test_of_the_units_that_are_tried_only_the_chosen_one_is_warned_about(tmp_path):
-    shapes = np.array([shapely.box(0, k * 2000, 60_000, k * 2000 + 4000).wkb for k in range(2)], object)
-    pyogrio.raw.write(tmp_path / "mm.gpkg", shapes, [], [], geometry_type="Polygon", crs=None)
+    areas = [shapely.box(0, k * 2000, 60_000, k * 2000 + 4000) for k in range(2)]
+    write_shapes(tmp_path / "mm.gpkg", areas, None)
     with collect_remarks() as remarks:
         assert detect_here(str(tmp_path / "mm.gpkg"), {}).values["values"]["unit"] == "mm"
     assert [remark.line().partition(" of its")[0] for remark in remarks if "lie over" in remark.line()] == [

@@ -6,13 +6,13 @@ from contextlib import closing
 
 import ezdxf
 import numpy as np
-import pyogrio.raw
 import pytest
 import shapely
 
 from minesurveys.reading import read_shapes
 from pipeline.errors import InputError
 from tests.mines import TEE
+from tests.survey.shape_files import write_shapes
 
 SQUARE = [(0, 0, 0), (50, 0, 0), (50, 5, 0), (0, 5, 0)]
 FACES = [SQUARE, [(0, 0, 0), (50, 0, 0), (50, 0, 5), (0, 0, 5)]]
@@ -33,8 +33,7 @@ def arc(*places):
 
 def geopackage(path, *stored):
     """Write a GeoPackage with one drift, and shapes that pyogrio does not write, as well-known binary or None."""
-    shapes = np.array([TEE.wkb] * (1 + len(stored)), object)
-    pyogrio.raw.write(path, shapes, [], [], geometry_type="Unknown", crs="EPSG:32719", layer="mine")
+    write_shapes(path, [TEE] * (1 + len(stored)), geometry_type="Unknown", layer="mine")
     with closing(sqlite3.connect(path)) as file:
         for name in ("ST_MinX", "ST_MaxX", "ST_MinY", "ST_MaxY", "ST_IsEmpty"):  # of the triggers of its index
             file.create_function(name, 1, lambda _: 0)
@@ -117,8 +116,7 @@ def test_measures_are_dropped_with_their_number_and_the_elevations_stay(tmp_path
 
 
 def test_a_shapefile_without_its_index_is_refused_by_the_name_of_that_file(tmp_path):
-    path = tmp_path / "mine.shp"
-    pyogrio.raw.write(path, np.array([TEE.wkb], object), [], [], geometry_type="Polygon", crs="EPSG:32719")
+    path = write_shapes(tmp_path / "mine.shp", [TEE])
     path.with_suffix(".shx").unlink()
     with pytest.raises(InputError, match=r"mine\.shp: mine\.shx is not beside it"):
         read_shapes(path, None)

@@ -29,6 +29,7 @@ from pipeline.survey.detect import detect_survey
 from pipeline.survey.vector.enclosed import workings_of
 from pipeline.survey.vector_survey import read_vector_survey
 from tests.mines import RING, TEE
+from tests.survey.shape_files import write_shapes
 
 
 def workings_from(path, content, unit=None, origin=None, snap_m=0.25, seeds=()):
@@ -171,9 +172,8 @@ def test_a_pipe_beside_a_shapefile_is_refused_and_not_waited_for(tmp_path):
 
 @pytest.mark.parametrize("name", ["mine.gpkg", "mine.shp"])
 def test_polygons_in_map_coordinates_are_moved_to_a_local_origin(tmp_path, name):
-    path = tmp_path / name
     moved = shapely.transform(RING, lambda p: p + np.array([381_234.0, 6_290_123.0]))
-    pyogrio.raw.write(path, np.array([moved.wkb], dtype=object), [], [], geometry_type="Polygon", crs="EPSG:32719")
+    path = write_shapes(tmp_path / name, [moved])
     workings, georeference = workings_from(path, read_geodata(path, None))
     same(
         shapely.transform(workings, lambda p: p + np.array(georeference.origin) - (381_234.0, 6_290_123.0)), RING, 1e-3
@@ -189,16 +189,7 @@ def test_polygons_in_map_coordinates_are_moved_to_a_local_origin(tmp_path, name)
 def test_layers_of_a_geopackage_are_chosen_by_name(tmp_path):
     path = tmp_path / "two.gpkg"
     for layer, shape in (("ribs", RING), ("surface", TEE)):
-        pyogrio.raw.write(
-            path,
-            np.array([shape.wkb], dtype=object),
-            [],
-            [],
-            layer=layer,
-            geometry_type="Polygon",
-            crs="EPSG:32719",
-            append=path.exists(),
-        )
+        write_shapes(path, [shape], layer=layer, append=path.exists())
     same(workings_from(path, read_geodata(path, ["ribs"]))[0], RING)
     with pytest.raises(InputError, match="no layer roads; there are ribs, surface"):
         read_geodata(path, ["roads"])
@@ -338,6 +329,6 @@ def test_a_coordinate_that_no_place_has_is_named_with_its_feature(tmp_path, valu
 
 def test_a_coordinate_that_no_place_has_is_named_with_its_shape(tmp_path):
     areas = [shapely.box(0, 0, 90, 5), shapely.box(0, 0, 1e300, 5)]
-    pyogrio.raw.write(tmp_path / "a.gpkg", shapely.to_wkb(areas), [], [], geometry_type="Polygon", crs="EPSG:32632")
+    write_shapes(tmp_path / "a.gpkg", areas, "EPSG:32632")
     with pytest.raises(InputError, match=r"shape 2 has the coordinate 1e\+300, expected numbers below 1e\+12"):
         detect_survey(tmp_path / "a.gpkg")

@@ -12,7 +12,7 @@ from minesurveys.solved_surveys import solve_file, survey_files
 from minesurveys.walls.project import copy_of
 from minesurveys.walls.sections import _passages
 from pipeline.errors import InputError
-from tests.solved import position_of, read_passages
+from tests.solved import position_of, read_passages, write
 
 SHOTS = WALLS["sub/north/main.srv"].decode()
 PROJECT = WALLS["mine.wpj"].decode()
@@ -27,13 +27,6 @@ def version():
 
 
 needs_walls = pytest.mark.skipif(version() < (1, 4, 9), reason="Survex 1.4.9 or newer is not installed")
-
-
-def write(folder, files):
-    for name, text in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(text.encode("latin-1"))
-    return folder / next(iter(files))
 
 
 @needs_walls

@@ -17,6 +17,7 @@ from pipeline.volume.world.proof.again.labelled import _beyond_legs_m, require_l
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.derived_content import require_remade
 from pipeline.volume.world.proof.fronts import fronts_of
+from tests.mines import put
 from tests.volume_worlds import RAMP, VolumeWorld, proof
 
 TEE = RAMP + "B,2,30,0,0,2,2,3,0\nB,4,30,12,0,2,2,3,0\n"
@@ -47,16 +48,6 @@ def changed(world, name, **arrays):
     whole = getattr(world, name)
     new = {key: change(getattr(whole, key).copy()) for key, change in arrays.items()}
     return dataclasses.replace(world, **{name: dataclasses.replace(whole, **new)})
-
-
-def put(place, value):
-    """Return a change of one number."""
-
-    def change(array):
-        array[place] = value
-        return array
-
-    return change
 
 
 def add(amount):

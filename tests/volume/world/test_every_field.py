@@ -30,7 +30,7 @@ from tests.composed import compose
 from tests.mines import require_allowed, sealed
 from tests.volume_worlds import HEADER, VolumeWorld, proof, with_rock, write
 
-BENT = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,22,0,0,2,2,3,0\nA,3,44,8,-2,1.5,2,2.5,0\n"
+BENT = HEADER + "A,1,0,0,0,2,2,3,0\nA,2,11,0,0,2,2,3,0\nA,3,22,4,-1,1.5,2,2.5,0\n"
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ def test_what_is_seen_in_another_way_is_refused(files, tmp_path, params, change,
         (lambda r: r["spawn"].update(anchor_clearance_m=0.9), "spawn.anchor_clearance_m = 0.9, want"),
         (lambda r: r["spawn"].update(clearance_m=3.0), "no floor is 3 m from rock"),
         (lambda r: r["spawn"].update(centre_m=[500.0, 0.0, 0.0]), "spawn.centre_m[0] = 500.0, want"),
-        (lambda r: r["volume"].update(piece_m=30.0, built_m=30.0), "piece_m = 30.0, want"),
+        (lambda r: r["volume"].update(piece_m=15.0, built_m=15.0), "piece_m = 15.0, want"),
     ],
 )
 def test_a_figure_of_the_record_that_the_legs_do_not_give_is_refused(light, tmp_path, params, change, message):
