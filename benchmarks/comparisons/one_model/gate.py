@@ -17,7 +17,7 @@ _EQUAL = 1e-9  # of figures that are rounded to six digits
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Wish:
     """What is wanted of the volume: the text, and whether a figure holds, of all level figures and the volume's own."""
 
     text: str
@@ -31,41 +31,41 @@ class GateRow:
     title: str
     level: str
     volume: str
-    wanted: Wanted | None = None
+    wanted: Wish | None = None
     form: str = ",.4g"
 
 
-def at_most(most: float) -> Wanted:
+def at_most(most: float) -> Wish:
     """Return the wish for no more than a number."""
-    return Wanted(f"at most {most:g}", lambda _, level, volume: volume <= most)
+    return Wish(f"at most {most:g}", lambda _, level, volume: volume <= most)
 
 
-def at_least(least: float) -> Wanted:
+def at_least(least: float) -> Wish:
     """Return the wish for no less than a number."""
-    return Wanted(f"at least {least:g}", lambda _, level, volume: volume >= least)
+    return Wish(f"at least {least:g}", lambda _, level, volume: volume >= least)
 
 
-def at_most_times(times: float) -> Wanted:
+def at_most_times(times: float) -> Wish:
     """Return the wish for no more than so many times the level model's figure."""
-    return Wanted(f"at most {times:g} times", lambda _, level, volume: volume <= times * level)
+    return Wish(f"at most {times:g} times", lambda _, level, volume: volume <= times * level)
 
 
-def at_least_times(times: float) -> Wanted:
+def at_least_times(times: float) -> Wish:
     """Return the wish for no less than so many times the level model's figure."""
-    return Wanted(f"at least {times:g} times", lambda _, level, volume: volume >= times * level)
+    return Wish(f"at least {times:g} times", lambda _, level, volume: volume >= times * level)
 
 
-def within_spread(reading: str) -> Wanted:
+def within_spread(reading: str) -> Wish:
     """Return the wish for no less than the level model's score less its spread between draws."""
     spread = f"texture.spread.{reading}"
-    return Wanted("less than its spread below", lambda found, level, volume: volume >= level - found[spread])
+    return Wish("less than its spread below", lambda found, level, volume: volume >= level - found[spread])
 
 
-_MORE = Wanted("not less", lambda _, level, volume: volume >= level - _EQUAL)
-_LESS = Wanted("not more", lambda _, level, volume: volume <= level + _EQUAL)
+_MORE = Wish("not less", lambda _, level, volume: volume >= level - _EQUAL)
+_LESS = Wish("not more", lambda _, level, volume: volume <= level + _EQUAL)
 
 
-def _row(title: str, name: str, wanted: Wanted | None = None, form: str = ",.4g") -> GateRow:
+def _row(title: str, name: str, wanted: Wish | None = None, form: str = ",.4g") -> GateRow:
     return GateRow(title, name, name, wanted, form)
 
 
