@@ -12,7 +12,8 @@ from benchmarks.comparisons.one_model.gate import (
     row_of,
     within_spread,
 )
-from benchmarks.comparisons.one_model.whole import MODELS, build, in_turn, medians
+from benchmarks.comparisons.one_model.whole import MODELS, Whole, _keep, _kept, build, in_turn, medians
+from benchmarks.speed.time_pipeline import StageRun
 from pipeline.compose import compose
 from pipeline.errors import MineError
 from tests.project import Project
@@ -59,6 +60,15 @@ def test_the_overrides_make_a_level_plan_and_a_volume_of_the_same_survey():
     assert level.survey.grade is None
     assert volume.survey.grade == 0.0
     assert level.realism.tilt_deg == volume.realism.tilt_deg == 0.0
+
+
+def test_builds_that_a_folder_keeps_are_read_back(tmp_path):
+    builds = [Whole({"survey": StageRun(2.0, 1.5, 300.0), "contours": StageRun(1.0, 0.5, 400.0)}, "beyond a limit")]
+    assert _kept(tmp_path) == []
+    _keep(tmp_path, builds)
+    assert _kept(tmp_path) == builds
+    assert builds[0].figures["wall_s.all"] == 3.0
+    assert builds[0].figures["peak_mb"] == 400.0
 
 
 @pytest.mark.slow
