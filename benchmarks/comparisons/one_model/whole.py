@@ -51,7 +51,7 @@ from tests.project import Project
 _PLAIN = ("realism.rough_floor=false", "realism.tilt_deg=0")
 MODELS = {"level": _PLAIN, "volume": ("+survey.grade=0.0", *_PLAIN)}
 SHIPPED = "level as it ships"
-_ROBOTS, _STEPS, _ALONE_STEPS, _RUNS = 64, 60, 400, 9
+_ROBOTS, _STEPS, _ALONE_STEPS, _RUNS = 64, 60, 400, 5
 _BREACHED = 2  # exit code of stage 6 where figures are beyond their limits: its artifacts are written
 _MESSAGE = 2000  # characters
 _BUILDS = "builds.json"
