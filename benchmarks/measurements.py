@@ -90,6 +90,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("replay", "all", _REPLAY, "artifacts/proof"),
     Benchmark("figures", "all", _FIGURES, _PARTS + "evidence-figures.md", 12),
     _page("claims", "setup", "benchmarks.claims", 0.2),
+    _python("one-model", "setup", "benchmarks.comparisons.one_model.whole", "", 20, one_thread=True),
     # Speed
     _page("bench", "setup", "benchmarks.speed.time_env", 1, "env-speed", one_thread=True),
     _page("bench-growth", "setup", "benchmarks.speed.growth", 4, "growth", one_thread=True),
