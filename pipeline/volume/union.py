@@ -13,11 +13,11 @@ from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FacetLabel
 from pipeline.errors import GeometryError
+from pipeline.geometry.facets.inside import Inside
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.passages.joints import LOW, joints_at, roof_reach
 from pipeline.volume.passages.tubes import Tube, sections_along, sections_between, solids_through
 from pipeline.volume.passages.views import with_views
-from pipeline.volume.rock.inside import Inside
 
 STEEPEST = 0.364  # rise over run of a leg that robots drive on, as today (conf/floors/default.yaml)
 _LOW_MOST = 0.95  # of the height, at the most: where the station is higher, walls are as wide as measured up to it

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -33,7 +34,7 @@ from benchmarks.speed.time_env import (
     start_spread,
 )
 from benchmarks.speed.time_pipeline import StageRun
-from minexplore.bundle import MODEL, GeomGroup, decode_msh, is_floor, is_rock, is_roof
+from minexplore.bundle import MODEL, RECORD, ROUGH_MESH, GeomGroup, decode_msh, is_floor, is_rock, is_roof
 from minexplore.envs.env import MineEnv
 from minexplore.envs.vector import MineVectorEnv
 from pipeline.compose import compose
@@ -123,7 +124,7 @@ def measured(artifacts: Path, overrides: tuple[str, ...]) -> Figures:
     Parts and columns are counted in the compiled model, in the same way for both.
     """
     world, figures = artifacts / "realism/world", flatten(_read(artifacts / "validation/metrics.json"))
-    model, record = load_model(world / MODEL), _read(world / "world.json")
+    model, record = load_model(world / MODEL), _read(world / RECORD)
     names = [model.geom(number).name for number in range(model.ngeom)]
     config = compose(list(overrides))
     columns = cast_columns(
@@ -136,7 +137,7 @@ def measured(artifacts: Path, overrides: tuple[str, ...]) -> Figures:
         GeomGroup.FLOOR,
         GeomGroup.COLLISION,
     )
-    rock = [path for path in (world / "meshes").glob("*.msh") if path.name.startswith(("walls_", "roof_"))]
+    rock = [path for path in (world / "meshes").glob("*.msh") if re.fullmatch(ROUGH_MESH, path.stem)]
     return figures | {
         "parts": sum(is_floor(name) or is_rock(name) or is_roof(name) for name in names),
         "columns.blocked": columns.blocked,

@@ -9,7 +9,7 @@ import manifold3d
 import numpy as np
 from trimesh.triangles import closest_point
 
-from pipeline.volume.rock.inside import Inside
+from pipeline.geometry.facets.inside import Inside
 from pipeline.volume.rock.tiles import Tile
 
 _KNOWN_M = 1e-4  # to which a depth is known

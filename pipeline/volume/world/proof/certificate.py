@@ -23,6 +23,7 @@ from pipeline.types import ClosedMesh, DrawnFloors, Mesh, SurveyedLegs, VolumeSh
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.passages.arch import Arch, arched
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built_length import built_lengths_m
@@ -41,7 +42,6 @@ from pipeline.volume.world.proof.surveyed.leg_widths import width_figures
 from pipeline.volume.world.proof.surveyed.walls import line_figures, wall_figures
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.record import VolumeRecord
-from pipeline.volume.world.surface.arch import Arch, arched
 from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 

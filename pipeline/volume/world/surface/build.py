@@ -20,10 +20,10 @@ from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.types import Image
+from pipeline.volume.passages.arch import Arch, arched
 from pipeline.volume.world.compile import BUILT
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.record import BuiltVolume
-from pipeline.volume.world.surface.arch import Arch, arched
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import refine

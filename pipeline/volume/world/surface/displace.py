@@ -10,10 +10,10 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from pipeline.geometry.facets.inside import Inside
 from pipeline.surface.mesh.displacement import Bounds, Room, bound_by_room, damp
 from pipeline.surface.mesh.mesh_checks import find_crossings, find_shared_edges
 from pipeline.surface.mesh.simplify import Mesher, Simplification, SurfaceMesh
-from pipeline.volume.rock.inside import Inside
 from pipeline.volume.world.surface.crossed import places_crossed
 from pipeline.volume.world.surface.fine import FLOOR, FineRock
 from pipeline.volume.world.surface.narrow import Narrowest

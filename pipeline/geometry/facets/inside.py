@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from pipeline.geometry.facets.solid_angle import SolidAngle
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.geometry.ray_scene import ray_scene
-from pipeline.volume.rock.solid_angle import SolidAngle
 
 
 class Inside:

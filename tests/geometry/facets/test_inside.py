@@ -4,8 +4,8 @@ import manifold3d
 import numpy as np
 import pytest
 
-from pipeline.volume.rock.inside import Inside
-from pipeline.volume.rock.solid_angle import SolidAngle
+from pipeline.geometry.facets.inside import Inside
+from pipeline.geometry.facets.solid_angle import SolidAngle
 
 
 def test_the_solid_angle_finds_free_space_that_rays_take_for_rock(monkeypatch):

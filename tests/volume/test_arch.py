@@ -10,11 +10,11 @@ from pipeline.errors import ArtifactError
 from pipeline.surface.mesh.mesh_checks import find_crossings
 from pipeline.types import ClosedMesh, DrawnFloors, FloorMesh
 from pipeline.volume.areas import slab_of_outline
+from pipeline.volume.passages.arch import Arch, arched
 from pipeline.volume.world.content import closed_volume
 from pipeline.volume.world.proof.certificate import open_volume, seen_volume
 from pipeline.volume.world.proof.derived_content import require_remade
 from pipeline.volume.world.solid import labels_of
-from pipeline.volume.world.surface.arch import Arch, arched
 from pipeline.volume.world.surface.proof import measure_rock
 from tests.survey.levels.test_drawn_levels import closed, write
 from tests.volume_worlds import WITH_ROCK, proof, survey_of_areas, with_rock
