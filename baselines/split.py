@@ -15,8 +15,7 @@ from baselines.base.errors import BaselineError, run_command
 from baselines.base.result_file import RESULTS, Head
 from baselines.evaluate import is_same
 from baselines.oracle.bound import best_walk
-from baselines.oracle.network import time_network
-from baselines.oracle.problem import CoverageProblem
+from baselines.oracle.other_robots import network_of
 from baselines.policies.policy_lookup import make_policy, policy_label
 from baselines.running.parallel import MEMORY_GB, code_of_episodes, facts_of_env
 from baselines.running.protocol import SPLIT_SEEDS, head_of, run_episodes
@@ -117,7 +116,7 @@ def bound_at_the_end(mine: Mine) -> Bound:
     env = make_env(mine[0], 1)
     try:
         horizon = env.task.max_steps * env.task.control_s
-        walk = best_walk(time_network(CoverageProblem.of(env.robots), horizon / _BANDS), horizon, _LIMIT_S)
+        walk = best_walk(network_of(env.robots, horizon / _BANDS), horizon, _LIMIT_S)
         world = env.world.record["world_sha256"]
         return Bound(
             world_sha256=world, cells=env.robots.grid.total, time_s=[horizon], most=[walk.most], found=[walk.found]
