@@ -27,6 +27,7 @@ from scipy.sparse.csgraph import breadth_first_order
 from tqdm import tqdm
 
 from baselines.base.markdown import markdown_table
+from benchmarks import CALLERS_ENVIRONMENT
 from benchmarks.results import run_benchmark
 from benchmarks.speed.one_code import ANT, DEFAULT
 from pipeline.errors import ArtifactError
@@ -92,7 +93,7 @@ class Code:
 
     def run(self, *words: str, threads: int | None = None) -> tuple[str, list[float], float]:
         """Run Python in the copy; return its output, seconds of processor and clock, and its largest process, MB."""
-        start, environment = time.perf_counter(), {**os.environ, "PYTHONPATH": str(self.root)}
+        start, environment = time.perf_counter(), {**CALLERS_ENVIRONMENT, "PYTHONPATH": str(self.root)}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)  # a user's second start reads compiled code
         environment |= {"OMP_NUM_THREADS": str(threads)} if threads else {}
         with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as errors:
