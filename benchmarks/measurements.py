@@ -96,6 +96,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _page("bench-growth", "setup", "benchmarks.speed.growth", 4, "growth", one_thread=True),
     _page("pieces", "setup-baselines", "benchmarks.speed.pieces", 6),
     _page("bench-pipeline", "setup", "benchmarks.speed.time_pipeline", 4, "timings"),
+    _python("two-codes", "setup", "benchmarks.speed.two_codes", ""),
     _page("sensors", "all", "benchmarks.sensors.page", 1, one_thread=True),
     _page("bench-gpu", "setup-gpu", "benchmarks.speed.time_gpu", 10, "env-speed-gpu"),
     _page("parity-gpu", "setup-gpu", "benchmarks.speed.gpu_parity", 15, "gpu-parity"),
