@@ -13,7 +13,7 @@ from pipeline.geometry.facets.separation import Facets
 from pipeline.volume.enclosure import measure_enclosure
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.rock.cleared import parts_not_cleared
-from pipeline.volume.rock.depth import is_deeper
+from pipeline.volume.rock.depth import deepest, is_deeper
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shared
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
@@ -263,3 +263,12 @@ def test_whether_a_part_is_deeper_than_a_millimetre_is_known(drift, depth_m):
     part = np.array([[x, y, z] for x in (9, 11) for y in (-1, 1) for z in (roof - depth_m, roof + 0.3)])
     corners, inside, tile = volume.vertices[volume.faces], volume.inside, Tile.of(volume.solid)
     assert is_deeper(part, 0.001, tile, inside, corners) == (depth_m > 0.001)
+
+
+def test_a_part_in_the_free_space_is_deep_though_a_boolean_gives_nothing_of_it(drift):
+    volume, _ = drift
+    middle = volume.vertices.mean(axis=0)
+    needle = middle + np.array([[0, 0, 0], [0, 3e-4, 0], [0, 0, 3e-3], [0.04, 0, 0]])
+    corners, lost = volume.vertices[volume.faces], Tile.of(volume.solid.translate([1000.0, 0, 0]))
+    assert is_deeper(needle, 0.001, lost, volume.inside, corners)
+    assert deepest([needle], lost, volume.inside, corners).depth_m > 1.0
