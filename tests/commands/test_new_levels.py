@@ -9,7 +9,7 @@ from tests.heights import levels, seam, shelves, spiral, table
 from tests.project import Project
 
 pytestmark = pytest.mark.slow
-CASES = {"spiral": spiral(3), "levels": levels(), "seam": seam(), "shelves": shelves()}
+CASES = {"spiral": spiral(2), "levels": levels(), "seam": seam(), "shelves": shelves()}
 
 
 @pytest.fixture(scope="module")
