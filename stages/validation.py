@@ -77,7 +77,6 @@ def _validate_volume(
     from pipeline.volume.world.proof.again.seen import require_surveyed_plan
     from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
         open_volume,
-        seen_volume,
         validate_volume,
     )
     from pipeline.volume.world.proof.derived_content import require_remade
@@ -91,15 +90,14 @@ def _validate_volume(
     require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
     done.update()
     legs = shape if isinstance(shape, SurveyedLegs) else None  # those of other shapes follow their floors
-    require_remade(world, opened, params.volume, legs, shape)
+    require_remade(world, opened, params.volume, legs, shape.datum_m)
     plan = _seen_plan(mine, shape, traced)
     require_surveyed_plan(world, opened.record, frame, plan)
     require_drawn_areas(world / RECORD, opened.record.areas, plan.length, frame, cleaned, raw)
     done.update()
     found = validate_volume(params.volume, opened, shape)
     done.update()
-    seen_from = dataclasses.replace(opened, mine=seen_volume(params.volume, opened))
-    rock = measure_volume_texture(seen_from, params.texture)
+    rock = measure_volume_texture(opened, params.texture)
     done.update()
     done.close()
     metrics, evidence = found.metrics, dict[str, Any]()

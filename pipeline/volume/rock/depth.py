@@ -19,7 +19,7 @@ _ASKED = 256  # places that rays call free and the solid angle does not, until o
 
 @dataclass(frozen=True)
 class Depth:
-    """A depth, m, and its place (3,) m: within 0.1 mm, or an upper bound where too many cells are left."""
+    """A depth, m, and its place (3,) m: within 0.1 mm, or an upper bound where a part has too many cells left."""
 
     depth_m: float
     place_m: np.ndarray
@@ -43,17 +43,19 @@ def deepest(parts: Iterable[np.ndarray], free: Tile, inside: Inside, corners: np
     corners : (f, 3, 3) float64, m
         Its facets.
     """
-    cells = np.concatenate([np.zeros((0, 4, 3)), *(_cells_of(part, free, inside) for part in parts)])
-    depth, place = 0.0, cells[:1].mean(axis=(0, 1)) if len(cells) else np.zeros(3)
-    while len(cells):
-        middles, from_rock, most, found = _bounds(cells, inside, corners, depth)
-        if found is not None:
-            depth, place = float(from_rock[found]), middles[found]
-        left = most > depth + _KNOWN_M
-        if left.sum() > _TOGETHER:
-            return Depth(float(most.max()), middles[most.argmax()])
-        cells = _halves(cells[left])
-    return Depth(depth, place)
+    deepest_one = Depth(0.0, np.zeros(3))
+    for part in parts:
+        cells = _cells_of(part, free, inside)
+        while len(cells):
+            middles, from_rock, most, found = _bounds(cells, inside, corners, deepest_one.depth_m)
+            if found is not None:
+                deepest_one = Depth(float(from_rock[found]), middles[found])
+            left = most > deepest_one.depth_m + _KNOWN_M
+            if left.sum() > _TOGETHER:
+                deepest_one = Depth(float(most.max()), middles[most.argmax()])
+                break
+            cells = _halves(cells[left])
+    return deepest_one
 
 
 def is_deeper(part: np.ndarray, than_m: float, free: Tile, inside: Inside, corners: np.ndarray) -> bool:

@@ -20,10 +20,7 @@ from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.types import Image
-from pipeline.volume.passages.arch import Arch, arched
-from pipeline.volume.world.compile import BUILT
 from pipeline.volume.world.content import closed_volume
-from pipeline.volume.world.record import BuiltVolume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import refine
@@ -47,7 +44,7 @@ class VolumeRock:
 def rock_of_volume(
     params: SurfaceParams, compiled: Path, texture: Image, scan_m: np.ndarray = NO_SCAN, scan_rgb: np.ndarray = NO_RGB
 ) -> VolumeRock:
-    """Return the visible rock of the volume in a folder of stage 3; roofs of drawn areas have an arch.
+    """Return the visible rock of the volume in a folder of stage 3.
 
     Near points (n, 3) m of a scan it is the volume itself, which follows them, with their colours (n, 3), if they have
     any. Away from them, and in workings that were not scanned, it is synthetic and has the texture.
@@ -58,9 +55,7 @@ def rock_of_volume(
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
     with progress("surface", 4, "steps") as done:
-        volume, built = decode(compiled / VOLUME, VolumeFacets), decode(compiled / BUILT, BuiltVolume)
-        if built.is_drawn:
-            volume = arched(volume, Arch(params.roof_chamfer_m, params.rough.arch_half_span_m))
+        volume = decode(compiled / VOLUME, VolumeFacets)
         balls = balls_along(volume, decode(compiled / TOPOLOGY, LegNetwork))
         done.update()
         rock = displaced_rock(params, volume, scan_m, balls)
