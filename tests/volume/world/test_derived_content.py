@@ -185,7 +185,7 @@ def test_a_floor_part_in_two_zones_and_a_part_with_twin_corners_are_named(tee, o
         (dataclasses.replace(opened.parts, corners=twins), "part 0 has two corners within 1e-06 m"),
     ):
         with pytest.raises(ArtifactError, match=message):
-            require_remade(tee.bundle, dataclasses.replace(opened, parts=changed_parts), proof(), tee.shape.datum_m)
+            require_remade(tee.bundle, dataclasses.replace(opened, parts=changed_parts), proof(), tee.shape)
 
 
 def test_parts_with_another_label_than_their_facets_are_counted(opened):
