@@ -301,11 +301,12 @@ def test_the_live_page_shows_the_cloud_in_chromium(small_world):
         page = run.chromium.launch(executable_path=browser, args=arguments).new_page()
         errors = []
         page.on("pageerror", lambda error: errors.append(str(error)))
+        page.set_default_timeout(60_000)
         page.goto(view.address)
-        page.locator("canvas").first.wait_for(timeout=60_000)
+        page.locator("canvas").first.wait_for()
         for frame in frames_of(env, lambda observation, info: np.array([1.0, 0.0]), ("vlp-16", "depth"), 2, seed=0):
             view.add(frame)
-        page.get_by_text("coverage").wait_for(timeout=60_000)
+        page.get_by_text("coverage").wait_for()
         assert errors == []
     view.close()
     env.close()
