@@ -1,6 +1,6 @@
 #!/bin/sh
 # Make .venv from the lock dev, with that of an extra, baselines or gpu, and install missing system packages.
-# `witness` adds the programs of others that tests compare with; its lock is that of dev.
+# `witness` adds the programs of others that tests compare with, Newton in an environment of its own.
 # An environment keeps the extras that it has. It prints nothing if there is nothing to do.
 set -eu
 stamp=.venv/.installed
@@ -76,13 +76,29 @@ put_on_path() {
 }
 
 packages_of_npm() {
-    [ "${1:-dev}" = witness ] && ! cmp -s requirements/witness/package-lock.json .venv/package-lock.json || return 0
+    cmp -s requirements/witness/package-lock.json .venv/package-lock.json && return 0
     cp requirements/witness/package.json requirements/witness/package-lock.json .venv/
     npm ci --silent --no-audit --no-fund --prefix .venv || rm -f .venv/package-lock.json
 }
 
+# Newton brings MuJoCo Warp, which the project uses wherever it is installed; so they have an environment of their own.
+packages_of_newton() {
+    cmp -s requirements/witness.txt .venv/witness/.installed && return 0
+    if .venv/bin/uv venv --quiet --clear --python .venv/bin/python .venv/witness &&
+        .venv/bin/uv pip sync --quiet --compile-bytecode --require-hashes --python .venv/witness/bin/python \
+            requirements/witness.txt; then
+        cp requirements/witness.txt .venv/witness/.installed
+    fi
+}
+
+packages_of_witness() {
+    [ "${1:-dev}" = witness ] || return 0
+    packages_of_npm
+    packages_of_newton
+}
+
 # shellcheck disable=SC2086
-cat $locks | cmp -s - "$stamp" && put_on_path && packages_of_npm "$@" && exit 0
+cat $locks | cmp -s - "$stamp" && put_on_path && packages_of_witness "$@" && exit 0
 
 works() { "$1" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' >/dev/null 2>&1; }
 python=""
@@ -109,6 +125,6 @@ if [ -n "$extras" ]; then # torch's wheels differ by platform, so it is pinned w
     for extra in $extras; do touch ".venv/.$extra"; done
 fi
 put_on_path
-packages_of_npm "$@"
+packages_of_witness "$@"
 # shellcheck disable=SC2086
 cat $locks >"$stamp"

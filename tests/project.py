@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -190,3 +191,19 @@ def shared_file(name: str) -> Path:
     if not (STATED / name).exists():
         pytest.skip(f"../shared/data/turn4/{name} is missing")
     return STATED / name
+
+
+def eventually(holds: Callable[[], bool], within_s: float = 120) -> bool:
+    """Return whether a condition comes to hold within a time."""
+    end = time.monotonic() + within_s
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.05)
+    return holds()
+
+
+def is_running(pid: int) -> bool:
+    """Return whether a process runs; one that ended and waits for its parent does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False

@@ -6,13 +6,13 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
 from baselines.pages.split_page import UNVERIFIED_HEADING
 from tests.mines import end_build
+from tests.project import eventually
 from tests.sandbox import needs_sandbox
 
 STILL_RESULTS = Path("baselines/results/my-mine-v0/still.Still.jsonl")
@@ -119,7 +119,7 @@ def test_an_evaluation_that_is_ended_leaves_no_process_behind(own, kind):
         assert eventually(lambda: len(children.read_text().split()) == 3)  # two workers and multiprocessing's tracker
         workers = [Path(f"/proc/{child}") for child in children.read_text().split()]
         run.send_signal(kind)
-        assert run.wait(30) == (130 if kind == signal.SIGTERM else -kind)
+        assert run.wait(60) == (130 if kind == signal.SIGTERM else -kind)
         assert eventually(lambda: not any(worker.exists() for worker in workers))
         assert "Traceback" not in run.stderr.read()
     assert not (own.folder / "baselines/results/my-mine-v0/random.jsonl").exists()
@@ -156,16 +156,8 @@ def test_policies_in_sandboxes_that_are_ended_leave_no_copy_behind(own, tmp_path
     with subprocess.Popen([sys.executable, "-c", DRIVES], cwd=own.folder, env=variables) as run:
         assert eventually(lambda: len(list(tmp_path.rglob("sleeps.py"))) == 2)
         run.send_signal(signal.SIGTERM)
-        run.wait(30)
+        run.wait(60)
     assert list(tmp_path.glob("policy-*")) == []
-
-
-def eventually(holds, within_s=120):
-    """Return whether a condition comes to hold within a time."""
-    end = time.monotonic() + within_s
-    while not holds() and time.monotonic() < end:
-        time.sleep(0.2)
-    return holds()
 
 
 @pytest.mark.slow

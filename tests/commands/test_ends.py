@@ -122,7 +122,7 @@ def small_disk(tmp_path):
 
 
 def test_a_recording_on_a_full_disk_is_one_line_and_leaves_nothing(small_disk, small_world):
-    pytest.importorskip("mcap_ros2")
+    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed (extra `record`)")
     words = ("record", "World", "--world", str(small_world), "--sensors", "depth", "--steps", "3")
     process = start("minexplore", *words, "--out", str(small_disk / "a.mcap"))
     _, text = process.communicate(timeout=120)
@@ -133,7 +133,7 @@ def test_a_recording_on_a_full_disk_is_one_line_and_leaves_nothing(small_disk, s
 
 @pytest.mark.parametrize("kind", SIGNALS)
 def test_an_interrupted_recording_is_one_line_and_leaves_nothing(tmp_path, small_world, kind):
-    pytest.importorskip("mcap_ros2")
+    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed (extra `record`)")
     words = ("record", "World", "--world", str(small_world), "--sensors", "imu", "--steps", "100000")
     process = start("minexplore", *words, "--out", str(tmp_path / "a.mcap"))
     wait_for(process, lambda: any(tmp_path.iterdir()))

@@ -170,7 +170,9 @@ def test_the_validators_of_usd_find_nothing_in_a_stage(world, tmp_path):
 @pytest.mark.parametrize("name", ["world", "bare"])
 def test_nvidias_asset_validator_finds_no_fault_in_a_stage(name, request, tmp_path):
     pytest.importorskip("pxr", reason="usd-core is not installed (extra `export`)")
-    validator = pytest.importorskip("omni.asset_validator", reason="omniverse-asset-validator is not installed")
+    validator = pytest.importorskip(
+        "omni.asset_validator", reason="omniverse-asset-validator is not installed (make setup)"
+    )
     scene = request.getfixturevalue(name).scene
     put(tmp_path, FORMATS["usd"].write(scene))
     issues = list(validator.ValidationEngine().validate(str(tmp_path / f"{scene.facts.name}.usdc")))

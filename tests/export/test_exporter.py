@@ -20,6 +20,7 @@ from pipeline.errors import ArtifactError, InputError, LimitError
 from pipeline.export.exporter import EXPORT_RECORD, export_world
 from pipeline.export.formats.table import FORMATS, require_format
 from pipeline.export.scene import ExportScene, Files
+from tests.export.rolling import NEWTON, roll_in_mujoco, roll_in_newton
 from tests.mines import sealed
 from tests.project import ROOT
 
@@ -139,11 +140,11 @@ def test_a_format_without_its_package_is_refused_with_the_packages_name():
 
 
 @pytest.mark.slow
-def test_a_kilometre_of_drift_takes_at_most_20_s_and_2_gb(tmp_path):
-    """Seconds of one processor, for the slowest format; a busy machine does not change them."""
+def test_a_kilometre_of_drift_takes_at_most_2_gb_of_memory_and_100_mb_of_files(tmp_path):
+    """For the slowest format: memory and bytes grow with its work, and a busy machine does not change them."""
     bundle = ROOT / "artifacts/realism/world"
     if not bundle.is_dir():
-        pytest.skip("the default world is not built")
+        pytest.skip("the default world is not built (make all)")
     command = [sys.executable, "-m", "pipeline", "export", str(bundle), "--to", "sdf", "--out", str(tmp_path / "out")]
     command += ["--licence", "CC-BY-4.0"]
     process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"})
@@ -152,17 +153,16 @@ def test_a_kilometre_of_drift_takes_at_most_20_s_and_2_gb(tmp_path):
     assert process.returncode == 0
     drift_km = json.loads((bundle / "topology.json").read_text())["total_length_m"] / 1000
     assert drift_km > 1
-    assert (used.ru_utime + used.ru_stime) / drift_km < 20
-    assert used.ru_maxrss < 2_000_000
+    assert used.ru_maxrss < 2_000_000  # 1,250,000 kB
+    assert sum(path.stat().st_size for path in (tmp_path / "out").rglob("*.*")) / drift_km < 100e6  # 43e6
 
 
 @pytest.mark.slow
 def test_a_ball_rolls_alike_in_newton(world, tmp_path):
     """In 5 s from rest on the tilted floor, Newton's ball stays within 5 mm of MuJoCo's."""
     pytest.importorskip("pxr", reason="usd-core is not installed (extra `export`)")
-    pytest.importorskip("newton", reason="newton is not installed")
-    from tests.export.rolling import roll_in_mujoco, roll_in_newton
-
+    if not NEWTON.exists():
+        pytest.skip("newton is not installed (make setup-witness)")
     export_world(world.bundle, "usd", tmp_path / "out", "none", world.params)
     stage = tmp_path / "out" / f"{world.scene.facts.name}.usdc"
     record = world.opened.record

@@ -117,7 +117,7 @@ print(*(module.__file__ for module in sys.modules.values() if getattr(module, "_
 def test_the_default_environment_loads_at_most_five_thousand_lines():
     bundle = ROOT / "artifacts/realism/world"
     if not bundle.is_dir():
-        pytest.skip("the default world is not built")
+        pytest.skip("the default world is not built (make all)")
     command = [sys.executable, "-c", FIRST_OBSERVATION, str(bundle)]
     done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     files = [Path(line) for line in done.stdout.splitlines() if line.endswith(".py")]

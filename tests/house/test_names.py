@@ -1,4 +1,4 @@
-"""One name, one thing: no class name twice in the packages, and no name of a test file twice."""
+"""One name, one thing: no class name twice in the packages, no test file twice; a skip names what is missing."""
 
 from __future__ import annotations
 
@@ -30,6 +30,26 @@ def names_used_twice(modules: Iterable[Path]) -> dict[str, list[str]]:
 def test_no_class_name_is_used_twice():
     modules = [path for package in PACKAGES for path in modules_below(package)]
     assert not names_used_twice(modules)
+
+
+def skips_without_reason(path: Path) -> list[str]:
+    """Return the places of a module where tests are skipped and the report would not name what is missing."""
+    calls = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)]
+    named = [(call, call.func.attr) for call in calls if isinstance(call.func, ast.Attribute)]
+    skips = [(call, name == "skip" and call.args) for call, name in named if name in ("importorskip", "skipif", "skip")]
+    bare = [call for call, text in skips if not (text or any(word.arg == "reason" for word in call.keywords))]
+    return [f"{path}:{call.lineno}" for call in bare]
+
+
+def test_every_skip_names_what_is_missing():
+    places = [ROOT / "tests", *ROOT.glob("*/tests")]
+    assert not [skip for place in places for path in place.rglob("*.py") for skip in skips_without_reason(path)]
+
+
+def test_a_skip_without_a_reason_is_found(tmp_path):
+    path = tmp_path / "test_a.py"
+    path.write_text('pytest.importorskip("a")\npytest.skip("b")\npytest.mark.skipif(c, reason="d")\npytest.skip()\n')
+    assert skips_without_reason(path) == [f"{path}:1", f"{path}:4"]
 
 
 def test_no_two_test_files_have_one_name():

@@ -64,7 +64,9 @@ def run(*command, **variables):
     )
 
 
-needs_opengl = pytest.mark.skipif(not (egl_works() or osmesa_works()), reason="neither EGL nor OSMesa is installed")
+NO_EGL = "EGL draws nothing here (Debian: libegl1 and a driver, such as that of libegl-mesa0)"
+NO_OSMESA = "OSMesa is not installed (Debian: libosmesa6)"
+needs_opengl = pytest.mark.skipif(not (egl_works() or osmesa_works()), reason=NO_OSMESA)
 
 
 @needs_opengl
@@ -89,8 +91,8 @@ def test_pictures_need_no_display_and_no_variable(tee: BuiltMine, first):
 @pytest.mark.parametrize(
     "library",
     [
-        pytest.param("egl", marks=pytest.mark.skipif(not egl_works(), reason="EGL is not installed")),
-        pytest.param("osmesa", marks=pytest.mark.skipif(not osmesa_works(), reason="OSMesa is not installed")),
+        pytest.param("egl", marks=pytest.mark.skipif(not egl_works(), reason=NO_EGL)),
+        pytest.param("osmesa", marks=pytest.mark.skipif(not osmesa_works(), reason=NO_OSMESA)),
     ],
 )
 def test_a_script_that_does_not_close_its_environment_ends_well_and_keeps_the_users_library(tee: BuiltMine, library):

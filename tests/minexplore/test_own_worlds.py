@@ -45,7 +45,7 @@ def test_the_spec_of_an_own_world_can_be_written_as_json(checkout):
 
 
 def test_an_own_world_is_played_by_its_id(checkout, tmp_path):
-    pytest.importorskip("moviepy")
+    pytest.importorskip("moviepy", reason="moviepy is not installed (make setup)")
     done = run(checkout, "play", MINE, "--policy", "ahead", "--steps", "3", "--video", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert list(tmp_path.glob("*.mp4"))

@@ -152,4 +152,4 @@ def test_a_key_that_stands_twice_among_many_is_found_in_time_that_grows_with_the
     before = time.process_time()
     with pytest.raises(BundleError, match="k1 stands twice"):
         read_json("world.json", text)
-    assert time.process_time() - before < 3  # comparing each with all takes minutes
+    assert time.process_time() - before < 3  # it takes 0.14; comparing each with all takes minutes

@@ -102,6 +102,7 @@ def test_a_button_shows_the_deviation_in_place_of_the_rock(box, tmp_path):
     with sync_playwright() as run:
         arguments = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
         page = run.chromium.launch(executable_path=browser, args=arguments).new_page()
+        page.set_default_timeout(60_000)
         page.goto(page_file.as_uri())
         page.locator("#deviation").wait_for()
         found = [set(page.evaluate(SHOWN))]

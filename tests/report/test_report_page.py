@@ -60,6 +60,7 @@ def page(request, made, browser):
     """Return the report, open at the size of a desktop or of a phone."""
     width, height = SIZES[request.param]
     opened = browser.new_page(viewport={"width": width, "height": height})
+    opened.set_default_timeout(60_000)
     errors = []
     opened.on("pageerror", lambda error: errors.append(str(error)))
     opened.goto((made.world / "report/report.html").as_uri())
@@ -201,7 +202,7 @@ def test_nothing_scrolls_sideways(page):
 def test_the_3d_view_shows_what_is_measured_in_the_colours_of_the_map(page):
     page.locator("iframe.scene").scroll_into_view_if_needed()
     frame = page.frame_locator("iframe.scene")
-    frame.locator("#known").wait_for(timeout=60_000)
+    frame.locator("#known").wait_for()
     frame.locator("#known").click()
     assert frame.locator("#legend").is_visible()
     drawn = page.frames[-1].evaluate(

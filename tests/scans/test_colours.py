@@ -53,7 +53,7 @@ def test_colours_of_each_format_are_those_that_were_written(tmp_path, suffix):
 
 
 def test_scans_of_an_e57_file_may_have_colours(tmp_path):
-    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed")
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed (extra `e57`)")
     file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
     columns = {f"cartesian{axis}": POINTS[:, k] for k, axis in enumerate("XYZ")}
     file.write_scan_raw(columns)

@@ -120,7 +120,7 @@ def test_a_broken_zip_file_is_refused_by_name(tmp_path):
 
 
 def test_the_scans_of_an_e57_file_are_joined_in_its_frame(tmp_path):
-    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed")
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed (extra `e57`)")
     file = pye57.E57(str(tmp_path / "a.e57"), mode="w")
     for some, shift in ((POINTS[:100], (0, 0, 0)), (POINTS[100:], (10, 0, 0))):
         columns = {f"cartesian{axis}": some[:, k] for k, axis in enumerate("XYZ")}
@@ -133,7 +133,7 @@ def test_the_scans_of_an_e57_file_are_joined_in_its_frame(tmp_path):
 
 
 def test_points_of_an_e57_file_that_are_stated_as_invalid_or_lie_at_the_scanner_are_left_out(tmp_path, capsys):
-    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed")
+    pye57 = pytest.importorskip("pye57", reason="pye57 is not installed (extra `e57`)")
     rows = np.concatenate([POINTS, np.full((7, 3), 99.0), np.zeros((5, 3))])
     columns = {f"cartesian{axis}": rows[:, k] for k, axis in enumerate("XYZ")}
     columns["cartesianInvalidState"] = np.repeat([0, 2, 0], [200, 7, 5]).astype(np.int8)

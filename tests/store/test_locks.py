@@ -88,6 +88,6 @@ def test_a_lock_without_a_message_waits_and_is_removed(tmp_path):
     waiting.start()
     assert not reached.wait(0.5)
     process.communicate("\n")
-    waiting.join(20)
+    waiting.join(60)
     assert reached.is_set()
     assert not path.exists()

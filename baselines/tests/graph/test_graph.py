@@ -272,7 +272,7 @@ def test_an_episode_holds_each_decision_with_its_chance_and_credit(world):
 
 @pytest.mark.parametrize("changes", [{}, {"attention": False}, {"stubs": False}, {"floor": False}, {"blocks": 0}])
 def test_the_network_is_the_same_in_torch_and_in_numpy(changes):
-    torch = pytest.importorskip("torch")
+    torch = pytest.importorskip("torch", reason="torch comes with `make setup-baselines`")
     from baselines.graph.training.learner import Learner
 
     shape, rng = SHAPE.model_copy(update=changes), np.random.default_rng(0)
@@ -295,7 +295,7 @@ def random_scenes(count):
 
 
 def test_the_network_imitates_scores_and_values():
-    pytest.importorskip("torch")
+    pytest.importorskip("torch", reason="torch comes with `make setup-baselines`")
     from baselines.graph.training.learner import Learner
 
     scenes = random_scenes(400)
@@ -310,7 +310,7 @@ def test_the_network_imitates_scores_and_values():
 
 
 def test_the_policy_gradient_learns_which_choices_bring_more():
-    torch = pytest.importorskip("torch")
+    torch = pytest.importorskip("torch", reason="torch comes with `make setup-baselines`")
     from baselines.graph.training.learner import Learner
 
     scenes, rng = random_scenes(512), np.random.default_rng(0)
@@ -333,7 +333,7 @@ def test_the_policy_gradient_learns_which_choices_bring_more():
 
 
 def test_a_learner_goes_on_from_its_file_as_if_it_had_not_stopped(tmp_path):
-    pytest.importorskip("torch")
+    pytest.importorskip("torch", reason="torch comes with `make setup-baselines`")
     from baselines.graph.training.learner import Learner
 
     scenes, settings = random_scenes(64), compose_settings([]).improve
@@ -420,7 +420,7 @@ def test_settings_that_cannot_be_are_refused(override, message):
 
 
 def test_a_run_is_resumed_where_it_ended_and_its_policy_is_found_by_name(tmp_path, monkeypatch, short_id):
-    pytest.importorskip("torch")
+    pytest.importorskip("torch", reason="torch comes with `make setup-baselines`")
     from baselines.graph.training import train
     from baselines.policies import policy_lookup as policies
 

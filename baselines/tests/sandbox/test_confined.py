@@ -158,7 +158,7 @@ def test_a_policys_hash_covers_every_file_of_its_package_and_nothing_beside_it(t
 def test_a_system_without_bubblewrap_or_namespaces_is_refused_with_what_is_missing(monkeypatch):
     require_sandbox()
     if "--disable-userns" not in subprocess.run(["bwrap", "--help"], capture_output=True, text=True).stdout:
-        pytest.skip("bubblewrap is older than 0.8")
+        pytest.skip("bubblewrap 0.8 or newer is not installed (Debian 12 and newer: bubblewrap)")
     # In a namespace that forbids further ones, the real bubblewrap starts no sandbox.
     command = ["bwrap", "--dev-bind", "/", "/", "--unshare-user", "--disable-userns", sys.executable, "-c"]
     done = subprocess.run(

@@ -42,7 +42,7 @@ def test_drive_writes_a_picture(tmp_path):
 
 @needs_world
 def test_a_map_is_made_of_a_lidars_scans(tmp_path):
-    pytest.importorskip("open3d")
+    pytest.importorskip("open3d", reason="open3d is not installed (make setup)")
     done = run("map_from_lidar.py", "--steps", "11", "--out", str(tmp_path / "map.ply"))
     assert done.returncode == 0, done.stderr
     assert "2 scans" in done.stdout

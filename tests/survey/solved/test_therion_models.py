@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.params.stated import StatedOptions
 from pipeline.survey.detect import detect_survey
 
-needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="survex is not installed")
+needs_cavern = pytest.mark.skipif(shutil.which("cavern") is None, reason="Survex is not installed (Debian: survex)")
 FOLDER = Path(__file__).parent / "therion"
 
 

@@ -92,7 +92,7 @@ def read_by_survex(path, refusal):
     lines = re.findall(r"'(\*[a-z]+ [a-z0-9 -]+)'", refusal)
     path.with_suffix(".svx").write_text("\n".join([*lines, *rows]) + "\n")
     if not shutil.which("cavern"):
-        pytest.skip("Survex is not installed")
+        pytest.skip("Survex is not installed (Debian: survex)")
     return detect_survey(path.with_suffix(".svx"), StatedOptions(half_width_m=2.0))
 
 

@@ -26,7 +26,8 @@ def version():
     return tuple(int(part) for part in re.search(r"Survex ([\d.]+)", said)[1].split("."))
 
 
-needs_walls = pytest.mark.skipif(version() < (1, 4, 9), reason="Survex 1.4.9 or newer is not installed")
+NO_WALLS = "Survex 1.4.9 or newer is not installed (Debian 13: survex; older systems: survex.com/download.html)"
+needs_walls = pytest.mark.skipif(version() < (1, 4, 9), reason=NO_WALLS)
 
 
 @needs_walls
@@ -46,7 +47,7 @@ def test_one_survey_file_is_solved_and_an_error_names_its_line(tmp_path):
         solve_file(write(tmp_path, {**FILES, "south.srv": FILES["south.srv"] + "C D x y z\n"}))
 
 
-@pytest.mark.skipif(not () < version() < (1, 4, 9), reason="Survex is not installed, or reads Walls")
+@pytest.mark.skipif(not () < version() < (1, 4, 9), reason="Survex is not installed (Debian: survex), or reads Walls")
 def test_an_older_survex_is_named_as_the_reason(tmp_path):
     installed = ".".join(str(part) for part in version())
     with pytest.raises(InputError, match=rf"a Walls survey needs Survex 1\.4\.9 or newer to be solved; {installed} is"):

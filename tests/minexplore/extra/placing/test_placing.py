@@ -228,7 +228,7 @@ def test_what_is_no_robot_is_refused_in_one_line(tee: BuiltMine):
 
 
 def test_a_robot_of_menagerie_stands_on_the_floor(tee: BuiltMine):
-    pytest.importorskip("mujoco_menagerie", reason="the package mujoco-menagerie is not installed")
+    pytest.importorskip("mujoco_menagerie", reason="mujoco-menagerie is not installed (extra `menagerie`)")
     root = os.environ.get("MENAGERIE_ROOT")
     known = ("unitree_go2", "boston_dynamics_spot", "anybotics_anymal_c", "unitree_h1", "unitree_g1", "skydio_x2")
     names = [name for name in known if root and (Path(root) / name).is_dir()]

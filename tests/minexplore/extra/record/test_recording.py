@@ -288,8 +288,8 @@ def test_the_command_line_loads_neither_mcap_nor_viser_nor_open3d():
 
 @pytest.mark.slow
 def test_the_live_page_shows_the_cloud_in_chromium(small_world):
-    pytest.importorskip("viser")
-    playwright = pytest.importorskip("playwright.sync_api")
+    pytest.importorskip("viser", reason="viser is not installed (extra `live`)")
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (make setup)")
     names = ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
     browser = next((path for name in names if (path := shutil.which(name))), None)
     if browser is None:
@@ -301,11 +301,12 @@ def test_the_live_page_shows_the_cloud_in_chromium(small_world):
         page = run.chromium.launch(executable_path=browser, args=arguments).new_page()
         errors = []
         page.on("pageerror", lambda error: errors.append(str(error)))
+        page.set_default_timeout(60_000)
         page.goto(view.address)
-        page.locator("canvas").first.wait_for(timeout=30_000)
+        page.locator("canvas").first.wait_for()
         for frame in frames_of(env, lambda observation, info: np.array([1.0, 0.0]), ("vlp-16", "depth"), 2, seed=0):
             view.add(frame)
-        page.get_by_text("coverage").wait_for(timeout=30_000)
+        page.get_by_text("coverage").wait_for()
         assert errors == []
     view.close()
     env.close()
