@@ -26,7 +26,7 @@ setup-baselines:  ## the same with Ray and torch, for training
 setup-gpu:  ## the same with MuJoCo Warp, torch and rsl-rl, for the environment on a GPU
 	@sh requirements/setup.sh gpu
 
-setup-witness:  ## the same with programs of others that tests compare with: Therion, libsdformat, Khronos' validator
+setup-witness:  ## the same with programs of others that tests compare with: Therion, libsdformat, Khronos' validator, Newton
 	@sh requirements/setup.sh witness
 
 all: setup  ## run the whole pipeline (dvc repro)
@@ -97,3 +97,4 @@ lock: setup  ## renew requirements/*.txt from pyproject.toml
 	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra gpu --extra export \
 	  --overrides /dev/stdin -c requirements/dev.txt pyproject.toml --group dev -o requirements/gpu.txt
 	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt
+	@uv pip compile -q $(LOCK) --group witness -o requirements/witness.txt

@@ -14,23 +14,25 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 PAGE = Path("requirements/README.md")
-_LOCKS = ("dev", "baselines", "gpu")
+_LOCKS = ("dev", "baselines", "gpu", "witness")
 _NAME = re.compile(r"^[A-Za-z0-9._-]+")
 _LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;\\]+)", re.MULTILINE)
 _WARP = "MuJoCo Warp follows MuJoCo's minor version"
 REASONS = {  # why a package is not locked at its newest version
     "gymnasium": "the extra `baselines` alone: Ray 2.60 pins 1.2.2",
-    "mujoco": "4.0.0's Newton solver is wrong with a sparse Jacobian (`findings/mujoco-4-sparse-newton-wrong.sh`); "
-    "4.0.1, which mends it, is to be judged: contacts of cylinders with edges change there, too",
+    "mujoco": "4.0.0's Newton solver is wrong with a sparse Jacobian; "
+    "[decision 31](../docs/adr/0031-mujoco-4.md) has what 4 needs here",
     "mujoco-warp": _WARP,
-    "opencv-python-headless": "5.0 is not judged: contours and pictures decide the default world's hash",
+    "opencv-python-headless": "5.0.0 makes the same default world, but draws words and lines with other pixels: the plan "
+    "of stage 1 and the tests of drawings, which it letters, would change",
     "pillow": "moviepy wants less than 12",
     "torch": "pinned by `pyproject.toml`; trained policies were made with it",
 }
 _HEAD = """# Locks
 
 `dev.txt` is the lock of `make setup`; `baselines.txt` and `gpu.txt` have all that it has, in versions that go with Ray,
-or with MuJoCo Warp and torch. `make lock` renews them, and `python -m benchmarks dependencies` this page.
+or with MuJoCo Warp and torch. `witness.txt` is of an environment of its own: libraries of others that tests compare
+with (`make setup-witness`). `make lock` renews them, and `python -m benchmarks dependencies` this page.
 
 | package | asked for | locked | newest | why not the newest |
 |---|---|---|---|---|
