@@ -74,7 +74,7 @@ def measure(benchmark: Benchmark, words: list[str], until: float | None = None) 
     if code:
         return code
     before = begin(benchmark, ROOT)
-    command = f"trap : INT; {benchmark.command}"  # an interrupted shell waits for the measurement, which ends itself
+    command = f"trap 'exit 130' INT; {benchmark.command}"  # an interrupted shell waits for the measurement's end
     code = run_until(["sh", "-ec", command, benchmark.name, *words], {**environment, CODE: before.code}, until)
     stamp(before, ROOT)
     return code
