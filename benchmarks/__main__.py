@@ -14,6 +14,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from benchmarks import CALLERS_ENVIRONMENT
@@ -45,7 +46,8 @@ def run_until(command: list[str], environment: dict[str, str], until: float | No
 
     Its process group is interrupted at `until`, of `time.monotonic`, and when this process is interrupted.
     """
-    process = subprocess.Popen(command, cwd=ROOT, env=environment, process_group=0)
+    taking = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a job in the background ignores it
+    process = subprocess.Popen(command, cwd=ROOT, env=environment, process_group=0, preexec_fn=taking)
     try:
         return process.wait(None if until is None else max(until - time.monotonic(), 0.0))
     except subprocess.TimeoutExpired:
