@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 
 import pytest
 
@@ -24,7 +25,6 @@ FILES = {
     "requirements/gpu.txt": "mujoco==3.17.0\n",
 }
 PAGE = "# A page\n\nAbout it.\n\n<!-- table -->\n\n| a |\n\n<!-- end of the table -->\n"
-
 
 CODE = ("baselines", "benchmarks", "conf", "minesurveys", "minexplore", "pieces", "pipeline", "stages", "tests")
 DATA = ("data/chilean_mine", "data/sakany", "data/wheal_pell", "docs/evidence/parts", "requirements")
@@ -162,6 +162,15 @@ def test_what_needs_another_set_up_comes_last_and_what_needs_a_gpu_is_left_out_w
     assert "scans, about 1 min; last, as `make setup-baselines` changes .venv" in out
     assert done == ["worlds", "scans"]
     assert stale_pages(tree) == {"drawings"}
+
+
+@pytest.mark.parametrize(
+    ("words", "then"), [(["wheel", "RELEASE=1"], "packaging/build_wheel.py"), (["evidence"], "dvc repro")]
+)
+def test_a_release_and_the_renewal_of_evidence_begin_with_the_list_of_what_is_stale(words, then):
+    command = ["make", "--no-print-directory", "-n", "-o", "setup", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert 0 < done.stdout.index("benchmarks stale") < done.stdout.index(then)
 
 
 def test_every_page_has_a_measurement_and_states_a_day_and_all_without_a_gpu_take_an_hour_and_a_half_at_most():
