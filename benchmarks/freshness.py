@@ -37,9 +37,11 @@ _BY_NAME = {
     "minexplore/physics/robots.py": ("minexplore/physics/*.py",),
     "baselines/base/environments.py": ("minexplore/backends.py",),
     "tests/project.py": ("pipeline/__main__.py",),  # a copy of the project, in which its commands run
-    "benchmarks/speed/time_pipeline.py": ("pipeline/__main__.py", "data/chilean_mine/*"),
-    "benchmarks/claims.py": (  # with the stage that measures the world
-        *("stages/validation.py", "baselines/results/bounds.json", "baselines/results/Chilean*/oracle-tour.jsonl"),
+    "benchmarks/speed/time_pipeline.py": ("pipeline/__main__.py", "data/chilean_mine/stations.csv"),
+    "benchmarks/claims.py": (
+        "stages/validation.py",  # measures the world
+        "baselines/results/bounds.json",
+        "baselines/results/Chilean*/oracle-tour.jsonl",
     ),
     "baselines/ppo/curves.py": ("baselines/results/training/*.json",),
     "baselines/base/settings.py": ("conf/train/**/*.yaml",),
@@ -190,8 +192,9 @@ def stale(root: Path) -> int:
         for one in some:
             line = f"{one.benchmark.minutes:5g} min  {name:17} {one.page.name:22} measured {one.day}: {one.why}"
             print(f"{line}; see {_linked_from(one.page, root)}")
-    if found:
-        print(f"{_hours_of(_of_this_machine(found)):.1f} h in all; `make evidence` renews them", flush=True)
+    here = _of_this_machine(found)
+    if here:
+        print(f"{_hours_of(here):.1f} h in all; `make evidence` renews them", flush=True)
     if not (root / WORLD).is_file():
         print(f"{WORLD}: missing, so worlds are not compared; `make all` makes it", file=sys.stderr)
     return int(bool(found))
