@@ -61,7 +61,10 @@ report: all  ## write docs/evidence/results.md, README's table and pictures; the
 data: setup  ## fetch the published plan and sweeps into data/raw (MIRROR=address or folder)
 	@$(PY) -m pipeline.survey.fetch $(if $(MIRROR),--mirror "$(MIRROR)")
 
-evidence: all  ## renew the pages of docs/evidence that are older than the code, the cheapest first (ARGS="--budget 2h")
+# The list of what is stale, with its hours, comes before all work.
+evidence: setup  ## renew the pages of docs/evidence that are older than the code, the cheapest first (ARGS="--budget 2h")
+	@$(PY) -m benchmarks stale || true
+	@$(MAKE) --no-print-directory all
 	@$(PY) -m benchmarks evidence $(ARGS)
 
 corpus: all  ## build artifacts/corpus, a folder of worlds that others load by name, with certificates and reports
@@ -84,7 +87,8 @@ docs: setup  ## build the documentation into artifacts/site
 	@$(PY) -m benchmarks.pictures.gallery styles
 	@mkdocs build -q
 
-wheel: setup  ## build dist/minexplore-*.whl with the default world
+wheel: setup  ## build dist/minexplore-*.whl with the default world (RELEASE=1: only if no page of evidence is stale)
+	@$(if $(RELEASE),$(PY) -m benchmarks stale)
 	@PYTHONPATH=. $(PY) packaging/build_wheel.py
 
 dag: setup  ## write dvc.yaml from the stages' declarations

@@ -9,18 +9,23 @@ import argparse
 import difflib
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from benchmarks import CALLERS_ENVIRONMENT
-from benchmarks.freshness import begin, renew, stale, stamp
+from benchmarks.freshness import OUT_OF_TIME, begin, renew, stale, stamp
 from benchmarks.judged_cases import CODE
 from benchmarks.measurements import BENCHMARKS, Benchmark
 from pipeline.errors import run_command
 
 ROOT = Path(__file__).resolve().parents[1]
 STALE, RENEW = COMMANDS = ("stale", "evidence")
+_GRACE_S = 60.0  # in which an interrupted measurement ends
 
 
 def table() -> str:
@@ -36,14 +41,43 @@ def environment_of(benchmark: Benchmark) -> dict[str, str]:
     return {**CALLERS_ENVIRONMENT, "PATH": path, **({"OMP_NUM_THREADS": "1"} if benchmark.one_thread else {})}
 
 
-def measure(benchmark: Benchmark, words: list[str]) -> int:
+def run_until(command: list[str], environment: dict[str, str], until: float | None) -> int:
+    """Run a command in the project's folder and return its exit code, `OUT_OF_TIME` if it was ended.
+
+    Its process group is interrupted at `until`, of `time.monotonic`, and when this process is interrupted.
+    """
+    taking = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a job in the background ignores it
+    process = subprocess.Popen(command, cwd=ROOT, env=environment, process_group=0, preexec_fn=taking)
+    try:
+        return process.wait(None if until is None else max(until - time.monotonic(), 0.0))
+    except subprocess.TimeoutExpired:
+        return OUT_OF_TIME
+    finally:
+        if process.poll() is None:
+            _interrupt(process)
+
+
+def _interrupt(process: subprocess.Popen[bytes]) -> None:
+    """Interrupt a process group, and kill what is left of it after a minute."""
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_GRACE_S)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def measure(benchmark: Benchmark, words: list[str], until: float | None = None) -> int:
     """Run a measurement; state on the pages that it wrote by which code; return its exit code."""
     environment = environment_of(benchmark)
-    if subprocess.run(["make", "-s", benchmark.needs], cwd=ROOT, env=environment).returncode:
-        return 2
+    code = run_until(["make", "-s", benchmark.needs], environment, until)
+    if code:
+        return code
     before = begin(benchmark, ROOT)
-    command = ["sh", "-ec", benchmark.command, benchmark.name, *words]
-    code = subprocess.run(command, cwd=ROOT, env={**environment, CODE: before.code}).returncode
+    command = f"trap 'exit 130' INT; {benchmark.command}"  # an interrupted shell waits for the measurement's end
+    code = run_until(["sh", "-ec", command, benchmark.name, *words], {**environment, CODE: before.code}, until)
     stamp(before, ROOT)
     return code
 
@@ -57,8 +91,9 @@ def main(words: list[str]) -> int:
         return stale(ROOT)
     if words[0] == RENEW:
         parser = argparse.ArgumentParser(prog="python -m benchmarks evidence", description="Renew what is stale.")
-        parser.add_argument("--budget", type=_hours, metavar="2h", help="begin nothing that would end later")
-        return renew(ROOT, parser.parse_args(words[1:]).budget, lambda benchmark: measure(benchmark, []))
+        parser.add_argument("--budget", type=_hours, metavar="2h", help="go on for so long at most")
+        budget_h = parser.parse_args(words[1:]).budget
+        return renew(ROOT, budget_h, lambda benchmark, until: measure(benchmark, [], until))
     found = {b.name: b for b in BENCHMARKS}.get(words[0])
     if found is None:
         near = difflib.get_close_matches(words[0], [b.name for b in BENCHMARKS])

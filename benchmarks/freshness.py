@@ -1,13 +1,15 @@
 """Pages of evidence that are older than the code that they measure, and their renewal.
 
 A page states the day, the hash of the code and that of the default world that it was measured on. The code is the
-import closure of the page's command, as in `artifacts/code.json`.
+import closure of the page's command, as in `artifacts/code.json`, with the files of the project that it reads and the
+lock of its packages: a page is of one MuJoCo, so a renewed lock makes all pages stale.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import shutil
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -18,6 +20,7 @@ from pathlib import Path
 
 from benchmarks.measurements import BENCHMARKS, Benchmark
 from minexplore.bundle import RECORD
+from pipeline.places import WRITTEN_BY_NEW
 from pipeline.store.files import write_atomically
 from pipeline.store.hashing import import_closure, sha256_file, sha256_named
 
@@ -27,18 +30,35 @@ _STATED = re.compile(
     r"^\*Measured on (\d{4}-\d\d-\d\d) by (?:code `(\w+)` and world `(\w+)`|earlier code)\.\*\n", re.MULTILINE
 )
 _TABLE = "<!-- table -->"
-# What loads others by name, which no import statement shows, and these.
+# What modules load or read by name, which no import statement shows.
 _BY_NAME = {
-    "stages/__main__.py": "stages/*.py",
-    "minexplore/sensors/table.py": "minexplore/sensors/kinds/*.py",
-    "minexplore/physics/robots.py": "minexplore/physics/*.py",
-    "baselines/base/environments.py": "minexplore/backends.py",
-    "benchmarks/speed/time_pipeline.py": "pipeline/__main__.py",
-    "tests/project.py": "pipeline/__main__.py",  # a copy of the project, in which its commands run
+    "stages/__main__.py": ("stages/*.py",),
+    "minexplore/sensors/table.py": ("minexplore/sensors/kinds/*.py",),
+    "minexplore/physics/robots.py": ("minexplore/physics/*.py",),
+    "baselines/base/environments.py": ("minexplore/backends.py",),
+    "tests/project.py": ("pipeline/__main__.py",),  # a copy of the project, in which its commands run
+    "benchmarks/speed/time_pipeline.py": ("pipeline/__main__.py", "data/chilean_mine/stations.csv"),
+    "benchmarks/claims.py": (
+        "stages/validation.py",  # measures the world
+        "baselines/results/bounds.json",
+        "baselines/results/Chilean*/oracle-tour.jsonl",
+    ),
+    "baselines/ppo/curves.py": ("baselines/results/training/*.json",),
+    "baselines/base/settings.py": ("conf/train/**/*.yaml",),
+    "pipeline/compose.py": ("conf/**/*.yaml",),
+    "benchmarks/comparisons/volume/random_volumes.py": ("conf/validation/default.yaml",),
+    "benchmarks/comparisons/volume/cases.py": ("data/sakany/*.dat", "data/wheal_pell/*.3d"),
+    "benchmarks/speed/growth.py": ("data/wheal_pell/*.3d",),
+    "benchmarks/fuzzing/samples.py": ("conf/survey/plan.yaml",),
+    "minesurveys/limits.py": ("minesurveys/limits.yaml",),
+    "minexplore/physics/robot_kind.py": ("minexplore/physics/mjcf/*.xml",),
+    "minexplore/sensing/params.py": ("minexplore/sensing/presets.json",),
+    "minexplore/sensing/odometry.py": ("minexplore/sensing/odometry.json",),
+    "minexplore/sensing/scanners/pattern_files.py": ("minexplore/sensing/scanners/patterns/*.json",),
 }
 # It names all environments, and a page that makes one imports its module, too.
 _ENDS = ("minexplore/__init__.py",)
-_NO_DEVICE = 3  # exit code of what needs a GPU
+OUT_OF_TIME = 124  # exit code of what was ended at the budget, as that of timeout(1)
 
 
 @dataclass(frozen=True)
@@ -65,17 +85,21 @@ def _sha256(path: Path, written_ns: int) -> str:
 
 
 def code_of(benchmark: Benchmark, root: Path) -> str:
-    """Return one hash of all project modules that a measurement's command imports, directly or indirectly."""
+    """Return one hash of the modules that a measurement's command imports, directly or indirectly, and what they read.
+
+    Sections of own mines in `conf/` do not count, as no page is measured in one.
+    """
     wanted = [_file_of(module, root) for module in re.findall(r"python -m ([\w.]+)", benchmark.command)]
-    closure: set[Path] = set()
+    closure = {Path(f"requirements/{benchmark.extra or 'dev'}.txt")}
     while wanted:
         file = wanted.pop()
-        if file.relative_to(root) in closure:
+        name = file.relative_to(root)
+        if name in closure or (file.suffix == ".yaml" and WRITTEN_BY_NEW in file.read_text()):
             continue
-        for source in import_closure(file, root, _ENDS):
+        for source in import_closure(file, root, _ENDS) if file.suffix == ".py" else [name]:
             if source not in closure:
                 closure.add(source)
-                wanted += root.glob(_BY_NAME.get(source.as_posix(), "-"))
+                wanted += [found for pattern in _BY_NAME.get(source.as_posix(), ()) for found in root.glob(pattern)]
     return sha256_named({path.as_posix(): _sha256(root / path, _written(root / path)) for path in closure})[:_DIGITS]
 
 
@@ -91,10 +115,7 @@ def world_of(root: Path) -> str:
 
 
 def pages(root: Path) -> Iterator[EvidencePage]:
-    """Yield each page of evidence with its day, and why it is stale.
-
-    A page that is measured in the default world is stale when the world's hash has changed.
-    """
+    """Yield each page of evidence with its day, and why it is stale."""
     world = world_of(root)
     for benchmark in BENCHMARKS:
         for name in benchmark.pages:
@@ -104,7 +125,7 @@ def pages(root: Path) -> Iterator[EvidencePage]:
             why = ""
             if code != code_of(benchmark, root):
                 why = "older than the code" if code else "its code is not known"
-            elif benchmark.needs == "all" and world and own != world:
+            elif benchmark.default_world and world and own != world:
                 why = "of another world"
             yield EvidencePage(Path(name), benchmark, day, why)
 
@@ -136,50 +157,76 @@ def _written(path: Path) -> int:
 
 
 def _stale(root: Path) -> dict[str, list[EvidencePage]]:
-    """Return the stale pages by measurement, the cheapest first."""
+    """Return the stale pages by measurement: the cheapest first, and last those that change the packages of `.venv`."""
     found: dict[str, list[EvidencePage]] = {}
-    for one in sorted(pages(root), key=lambda one: one.benchmark.minutes or 0.0):
+    for one in sorted(pages(root), key=lambda one: (one.benchmark.extra, one.benchmark.minutes or 0.0)):
         if one.why:
             found.setdefault(one.benchmark.name, []).append(one)
     return found
 
 
+def _of_this_machine(found: dict[str, list[EvidencePage]]) -> list[Benchmark]:
+    """Return the measurements of stale pages; without a GPU here, a line names those that need one."""
+    every = [some[0].benchmark for some in found.values()]
+    absent = [] if shutil.which("nvidia-smi") else [one for one in every if one.extra == "gpu"]
+    if absent:
+        print(f"{', '.join(one.name for one in absent)}: left out, as this machine has no GPU", flush=True)
+    return [one for one in every if one not in absent]
+
+
+def _hours_of(some: list[Benchmark]) -> float:
+    return sum(one.minutes or 0.0 for one in some) / 60
+
+
+def _linked_from(page: Path, root: Path) -> str:
+    """Return the pages of `docs/` that link to a page of evidence, and may quote it."""
+    docs = root / "docs"
+    found = (path for path in sorted(docs.rglob("*.md")) if f"parts/{page.name}" in path.read_text())
+    return ", ".join(path.relative_to(docs).as_posix() for path in found)
+
+
 def stale(root: Path) -> int:
     """List what is older than the code, the cheapest first, with its cost; return 1 if there is something."""
     found = _stale(root)
-    total = 0.0
     for name, some in found.items():
-        minutes = some[0].benchmark.minutes or 0.0
-        total += minutes
         for one in some:
-            print(f"{minutes:5g} min  {name:17} {one.page.name:22} measured {one.day}: {one.why}")
-    if found:
-        print(f"{total / 60:.1f} h in all; `make evidence` renews them")
+            line = f"{one.benchmark.minutes:5g} min  {name:17} {one.page.name:22} measured {one.day}: {one.why}"
+            print(f"{line}; see {_linked_from(one.page, root)}")
+    here = _of_this_machine(found)
+    if here:
+        print(f"{_hours_of(here):.1f} h in all; `make evidence` renews them", flush=True)
     if not (root / WORLD).is_file():
         print(f"{WORLD}: missing, so worlds are not compared; `make all` makes it", file=sys.stderr)
     return int(bool(found))
 
 
-def renew(root: Path, budget_h: float | None, measure: Callable[[Benchmark], int]) -> int:
+def renew(root: Path, budget_h: float | None, measure: Callable[[Benchmark, float | None], int]) -> int:
     """Measure what is stale, the cheapest first; return 1 if something is left, fails, or misses a limit.
 
-    What is done stays done: a later call goes on. A measurement that would end after the budget is not begun.
+    What is done stays done: a later call goes on. A measurement that would end after the budget is not begun, and one
+    that takes longer than it should is ended then. What needs another set-up than `make setup` comes last, as the
+    others are measured with the packages of `make setup`.
+
+    Parameters
+    ----------
+    root : Path
+    budget_h : float, optional
+    measure : callable
+        Runs a measurement until a time of `time.monotonic`, if one is given, and returns its exit code.
     """
-    found = _stale(root)
-    every = [some[0].benchmark for some in found.values()]
-    total_h = sum(benchmark.minutes or 0.0 for benchmark in every) / 60
-    print(f"{len(every)} measurements, about {total_h:.1f} h of two cores", flush=True)
-    start = time.monotonic()
+    every = _of_this_machine(_stale(root))
+    print(f"{len(every)} measurements, about {_hours_of(every):.1f} h of two cores", flush=True)
+    until = None if budget_h is None else time.monotonic() + 3600 * budget_h
     failed: list[str] = []
     left: list[str] = []
     for benchmark in every:
-        spent_h = (time.monotonic() - start) / 3600
-        if budget_h is not None and spent_h + (benchmark.minutes or 0.0) / 60 > budget_h:
+        if until is not None and time.monotonic() + 3600 * _hours_of([benchmark]) > until:
             left.append(benchmark.name)
             continue
-        print(f"{benchmark.name}, about {benchmark.minutes:g} min", flush=True)
-        code = measure(benchmark)
-        (left if code == _NO_DEVICE else failed).extend([benchmark.name] if code else [])
+        last = f"; last, as `make {benchmark.needs}` changes .venv" if benchmark.extra else ""
+        print(f"{benchmark.name}, about {benchmark.minutes:g} min{last}", flush=True)
+        code = measure(benchmark, until)
+        (left if code == OUT_OF_TIME else failed).extend([benchmark.name] if code else [])
     if left:
         print(f"left: {', '.join(left)}")
     if failed:

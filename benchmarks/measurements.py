@@ -15,6 +15,12 @@ class Benchmark:
     writes: str
     minutes: float | None = None  # of two cores, where known; each page of evidence has them
     one_thread: bool = False  # threads of OpenMP
+    default_world: bool = False  # whether its pages are measured in the world of `make all`
+
+    @property
+    def extra(self) -> str:
+        """Return the extra whose set-up it needs, which changes the packages of `.venv`; empty for none."""
+        return self.needs.partition("setup-")[2]
 
     @property
     def pages(self) -> list[str]:
@@ -22,16 +28,14 @@ class Benchmark:
         return [name for name in self.writes.split(", ") if name.startswith(_PARTS)]
 
 
-def _python(
-    name: str, needs: str, words: str, writes: str, minutes: float | None = None, *, one_thread: bool = False
-) -> Benchmark:
+def _python(name: str, needs: str, words: str, writes: str, minutes: float | None = None, **more: bool) -> Benchmark:
     """Return the measurement of a module with its first arguments."""
-    return Benchmark(name, needs, f'python -m {words} "$@"', writes, minutes, one_thread)
+    return Benchmark(name, needs, f'python -m {words} "$@"', writes, minutes, **more)
 
 
-def _page(name: str, needs: str, words: str, minutes: float, page: str = "", *, one_thread: bool = False) -> Benchmark:
+def _page(name: str, needs: str, words: str, minutes: float, page: str = "", **more: bool) -> Benchmark:
     """Return the measurement of a module that writes a page of evidence, of its own name if none is stated."""
-    return _python(name, needs, words, f"{_PARTS}{page or name}.md", minutes, one_thread=one_thread)
+    return _python(name, needs, words, f"{_PARTS}{page or name}.md", minutes, **more)
 
 
 _PARTS = "docs/evidence/parts/"
@@ -88,18 +92,18 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("parity", "all", _PARITY, "artifacts/proof/parity.json"),
     _python("holdout", "setup", _HOLDOUT, "artifacts/proof/holdout.json"),
     _python("replay", "all", _REPLAY, "artifacts/proof"),
-    Benchmark("figures", "all", _FIGURES, _PARTS + "evidence-figures.md", 12),
-    _page("claims", "setup", "benchmarks.claims", 0.2),
+    Benchmark("figures", "all", _FIGURES, _PARTS + "evidence-figures.md", 12, default_world=True),
+    _page("claims", "all", "benchmarks.claims", 0.2, default_world=True),
     _python("one-model", "setup", "benchmarks.comparisons.one_model.whole", "", 20, one_thread=True),
     # Speed
-    _page("bench", "setup", "benchmarks.speed.time_env", 1, "env-speed", one_thread=True),
+    _page("bench", "all", "benchmarks.speed.time_env", 1, "env-speed", one_thread=True, default_world=True),
     _page("bench-growth", "setup", "benchmarks.speed.growth", 4, "growth", one_thread=True),
     _page("pieces", "setup-baselines", "benchmarks.speed.pieces", 6),
     _page("bench-pipeline", "setup", "benchmarks.speed.time_pipeline", 4, "timings"),
     _python("two-codes", "setup", "benchmarks.speed.two_codes", ""),
-    _page("sensors", "all", "benchmarks.sensors.page", 1, one_thread=True),
-    _page("bench-gpu", "setup-gpu", "benchmarks.speed.time_gpu", 10, "env-speed-gpu"),
-    _page("parity-gpu", "setup-gpu", "benchmarks.speed.gpu_parity", 15, "gpu-parity"),
+    _page("sensors", "all", "benchmarks.sensors.page", 1, one_thread=True, default_world=True),
+    _page("bench-gpu", "setup-gpu", "benchmarks.speed.time_gpu", 10, "env-speed-gpu", default_world=True),
+    _page("parity-gpu", "setup-gpu", "benchmarks.speed.gpu_parity", 15, "gpu-parity", default_world=True),
     # Pictures
     _python("drive-clip", "all", "benchmarks.pictures.gallery drive", "docs/drive.gif"),
     _python("look", "all", "benchmarks.pictures.look_at_report", "docs/report.png"),
@@ -107,8 +111,8 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _python("oracle", "all", "baselines.oracle", "baselines/results/bounds.json"),
     _python("explorers", "all", "baselines.evaluate --all", "baselines/results"),
     _python("unseen", "setup", _UNSEEN, "baselines/results/Family-test"),
-    _page("teams", "all", "baselines.team", 3, "team"),
-    _page("goals", "all", "baselines.goto", 2, "goto"),
+    _page("teams", "all", "baselines.team", 3, "team", default_world=True),
+    _page("goals", "all", "baselines.goto", 2, "goto", default_world=True),
     _python("sensing-loss", "all", "benchmarks.sensors.sensing_loss", "baselines/results/degraded.json", 25),
     _python("train", "setup-baselines", "baselines.ppo.train", "artifacts/train"),
     _python("train-gpu", "setup-gpu", "baselines.ppo.train_gpu", "artifacts/train"),

@@ -1,32 +1,39 @@
 """Which pages of evidence are older than the code, and that renewing them states the code."""
 
 import json
+import shutil
+import subprocess
 
 import pytest
 
 from benchmarks import freshness
-from benchmarks.freshness import begin, pages, renew, stale, stamp
+from benchmarks.freshness import OUT_OF_TIME, begin, pages, renew, stale, stamp
 from benchmarks.measurements import BENCHMARKS, Benchmark
+from pipeline.places import WRITTEN_BY_NEW
 from tests.project import ROOT
 
 FILES = {
-    "benchmarks/drawings.py": "import minexplore\nfrom pipeline.volume import union\nMOST = 3\n",
-    "benchmarks/scans.py": "def run():\n    from minexplore.env import Env\n    from pipeline import scans\n",
-    "benchmarks/worlds.py": "from stages.__main__ import load_stages\n",
-    "minexplore/__init__.py": 'ENTRY_POINT = "minexplore.env:Env"\n',
-    "minexplore/env.py": "STEP_S = 0.1\n",
+    "benchmarks/drawings.py": "MOST = 3\n",
+    "benchmarks/scans.py": "from pipeline import compose\n",
+    "benchmarks/worlds.py": "import minexplore\n",
+    "minexplore/__init__.py": "",
     "pipeline/__init__.py": "",
-    "pipeline/volume/__init__.py": "",
-    "pipeline/volume/union.py": "STEEPEST = 0.36\n",
-    "pipeline/scans.py": "NEAR_M = 1\n",
-    "stages/__main__.py": "",
-    "stages/survey.py": "from pipeline.volume.union import STEEPEST\n",
+    "pipeline/compose.py": "",
+    "conf/survey/plan.yaml": "survey: {}\n",
+    "requirements/dev.txt": "mujoco==3.17.0\n",
+    "requirements/baselines.txt": "mujoco==3.17.0\n",
+    "requirements/gpu.txt": "mujoco==3.17.0\n",
 }
 PAGE = "# A page\n\nAbout it.\n\n<!-- table -->\n\n| a |\n\n<!-- end of the table -->\n"
 
+CODE = ("baselines", "benchmarks", "conf", "minesurveys", "minexplore", "pieces", "pipeline", "stages", "tests")
+DATA = ("data/chilean_mine", "data/sakany", "data/wheal_pell", "docs/evidence/parts", "requirements")
+STAGES = {"bench-growth", "bench-pipeline", "claims", "figures", "pieces", "random-mines", "simple-mines"}  # all six
 
-def benchmark(name, minutes, needs="setup"):
-    return Benchmark(name, needs, f"python -m benchmarks.{name}", f"docs/{name}.md", minutes)
+
+def benchmark(name, minutes, needs="setup", default_world=False):
+    command = f"python -m benchmarks.{name}"
+    return Benchmark(name, needs, command, f"docs/{name}.md", minutes, default_world=default_world)
 
 
 @pytest.fixture
@@ -34,7 +41,7 @@ def tree(tmp_path, monkeypatch):
     """Return a small project with three pages that state its code."""
     monkeypatch.setattr(freshness, "BENCHMARKS", some := [benchmark("scans", 3), benchmark("drawings", 1)])
     monkeypatch.setattr(Benchmark, "pages", property(lambda self: [self.writes]))
-    some.append(benchmark("worlds", 2, needs="all"))
+    some.append(benchmark("worlds", 2, default_world=True))
     world = tmp_path / freshness.WORLD
     world.parent.mkdir(parents=True)
     world.write_text(json.dumps({"world_sha256": "e" * 64}))
@@ -47,9 +54,10 @@ def tree(tmp_path, monkeypatch):
 
 
 def write(root, one):
-    """Write a page as its measurement does, and state the code."""
+    """Write the pages of a measurement as it does, and state the code."""
     before = begin(one, root)
-    (root / one.writes).write_text((root / one.writes).read_text() + " ")
+    for name in one.pages:
+        (root / name).write_text((root / name).read_text() + " ")
     stamp(before, root)
     return 0
 
@@ -58,21 +66,51 @@ def stale_pages(root):
     return {one.page.stem for one in pages(root) if one.why}
 
 
+@pytest.fixture(scope="module")
+def own(tmp_path_factory):
+    """Return a copy of what pages of this project are measured with, whose pages state its code."""
+    root = tmp_path_factory.mktemp("own")
+    ignored = shutil.ignore_patterns("__pycache__", "checkpoints", "Family-test")
+    for name in (*CODE, *DATA):
+        shutil.copytree(ROOT / name, root / name, ignore=ignored)
+    for one in BENCHMARKS:
+        if one.pages:
+            write(root, one)
+    assert stale_pages(root) == set()
+    return root
+
+
 @pytest.mark.parametrize(
-    ("changed", "wanted"),
+    ("changed", "old", "new", "wanted"),
     [
-        ("pipeline/volume/union.py", {"drawings", "worlds"}),
-        ("pipeline/scans.py", {"scans"}),
-        ("minexplore/env.py", {"scans"}),  # the package names it for all
-        ("minexplore/__init__.py", {"drawings", "scans"}),
-        ("benchmarks/drawings.py", {"drawings"}),
-        ("pipeline/__init__.py", {"drawings", "scans", "worlds"}),
+        ("pipeline/volume/merged.py", "LONGEST_M = 100.0", "LONGEST_M = 90.0", {*STAGES, "scans", "round-trips"}),
+        ("pipeline/volume/enclosure.py", "_LEAST_M3 = 1e-12", "_LEAST_M3 = 2e-12", {*STAGES, "volumes"}),
+        # The package names this one for all who import anything of it.
+        ("minexplore/envs/env.py", "sixteen", "twenty", {"bench", "bench-gpu", "sensors"}),
+        (
+            *("conf/validation/default.yaml", "rest_mm: {max: 10}", "rest_mm: {max: 9}"),
+            {*STAGES, "scans", "round-trips", "volumes", "sensors"},
+        ),
+        ("baselines/results/training/Family-map-mlp-42.json", '"seed": 42', '"seed": 43', {"claims", "curves"}),
+        ("requirements/baselines.txt", "\nmujoco==3", "\nmujoco==4", {"pieces"}),
     ],
 )
-def test_a_changed_constant_makes_exactly_the_pages_stale_whose_command_imports_it(tree, changed, wanted):
+def test_a_changed_constant_makes_exactly_the_pages_stale_whose_commands_import_or_read_it(
+    own, changed, old, new, wanted
+):
+    text = (own / changed).read_text()
+    assert old in text
+    (own / changed).write_text(text.replace(old, new, 1))
+    found = {one.benchmark.name for one in pages(own) if one.why}
+    (own / changed).write_text(text)
+    assert found == wanted
+
+
+def test_the_section_of_an_own_mine_makes_no_page_stale(tree):
+    (tree / "conf/survey/mine.yaml").write_text(f"# {WRITTEN_BY_NEW} mine`\nsurvey: {{}}\n")
     assert stale_pages(tree) == set()
-    (tree / changed).write_text(FILES[changed] + "ANOTHER = 4\n")
-    assert stale_pages(tree) == wanted
+    (tree / "conf/survey/plan.yaml").write_text("survey: {kind: plan}\n")
+    assert stale_pages(tree) == {"scans"}
 
 
 def test_another_default_world_makes_those_stale_that_are_measured_in_it(tree):
@@ -81,10 +119,10 @@ def test_another_default_world_makes_those_stale_that_are_measured_in_it(tree):
 
 
 def test_the_stale_are_renewed_the_cheapest_first_within_the_budget_and_a_second_run_goes_on(tree, capsys):
-    (tree / "pipeline/__init__.py").write_text("MORE = 1\n")
+    (tree / "requirements/dev.txt").write_text("mujoco==4.0.0\n")
     done = []
 
-    def measure(one):
+    def measure(one, until):
         done.append(one.name)
         return write(tree, one)
 
@@ -95,6 +133,44 @@ def test_the_stale_are_renewed_the_cheapest_first_within_the_budget_and_a_second
     assert renew(tree, None, measure) == 0
     assert done == ["drawings", "worlds", "scans"]
     assert stale(tree) == 0
+
+
+def test_a_measurement_that_was_ended_at_the_budget_is_left(tree, capsys):
+    (tree / "benchmarks/scans.py").write_text("")
+    assert renew(tree, 1.0, lambda one, until: OUT_OF_TIME) == 1
+    assert "left: scans" in capsys.readouterr().out
+    assert stale_pages(tree) == {"scans"}
+
+
+def test_what_needs_another_set_up_comes_last_and_what_needs_a_gpu_is_left_out_without_one(tree, capsys, monkeypatch):
+    some = [benchmark("scans", 1, "setup-baselines"), benchmark("drawings", 1, "setup-gpu"), benchmark("worlds", 9)]
+    monkeypatch.setattr(freshness, "BENCHMARKS", some)
+    for path in (tree / "docs").glob("*.md"):
+        path.write_text(PAGE)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    done = []
+
+    def measure(one, until):
+        done.append(one.name)
+        return write(tree, one)
+
+    assert stale(tree) == 1
+    assert "0.2 h in all" in capsys.readouterr().out
+    assert renew(tree, None, measure) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("drawings: left out, as this machine has no GPU\n2 measurements, about 0.2 h")
+    assert "scans, about 1 min; last, as `make setup-baselines` changes .venv" in out
+    assert done == ["worlds", "scans"]
+    assert stale_pages(tree) == {"drawings"}
+
+
+@pytest.mark.parametrize(
+    ("words", "then"), [(["wheel", "RELEASE=1"], "packaging/build_wheel.py"), (["evidence"], "dvc repro")]
+)
+def test_a_release_and_the_renewal_of_evidence_begin_with_the_list_of_what_is_stale(words, then):
+    command = ["make", "--no-print-directory", "-n", "-o", "setup", *words]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    assert 0 < done.stdout.index("benchmarks stale") < done.stdout.index(then)
 
 
 def test_every_page_has_a_measurement_and_states_a_day_and_all_without_a_gpu_take_an_hour_and_a_half_at_most():

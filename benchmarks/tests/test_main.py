@@ -1,14 +1,19 @@
 """The table of measurements and the command that runs one."""
 
+import os
 import re
 import shlex
+import signal
 import subprocess
 import sys
+import threading
+import time
 from importlib.util import find_spec
 
 import pytest
 
-from benchmarks.__main__ import BENCHMARKS, environment_of, main, table
+from benchmarks.__main__ import BENCHMARKS, environment_of, main, run_until, table
+from benchmarks.freshness import OUT_OF_TIME
 from tests.project import ROOT
 
 
@@ -77,3 +82,25 @@ def test_no_page_and_no_message_names_a_make_target_that_is_gone():
         if name in gone
     ]
     assert not named
+
+
+# A measurement that keeps what it has when it is interrupted, and another one after it.
+TWO = """
+trap 'exit 130' INT
+sh -c 'trap "sleep 0.2; touch kept; exit 130" INT; touch begun; sleep 60'
+touch more
+"""
+
+
+@pytest.mark.parametrize("by", ["budget", "ctrl-c"])
+def test_a_measurement_is_interrupted_at_the_budget_and_with_its_caller_and_keeps_what_it_has(tmp_path, by):
+    command = ["sh", "-ec", f"cd {tmp_path}{TWO}"]
+    if by == "budget":
+        assert run_until(command, dict(os.environ), time.monotonic() + 2.0) == OUT_OF_TIME
+    else:
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        threading.Timer(2.0, os.kill, [os.getpid(), signal.SIGINT]).start()
+        with pytest.raises(KeyboardInterrupt):
+            run_until(command, dict(os.environ), None)
+        signal.signal(signal.SIGINT, before)
+    assert {path.name for path in tmp_path.iterdir()} == {"begun", "kept"}
