@@ -27,7 +27,7 @@ _REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
 _BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
 _CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
 _ABOUT, _KEPT = 2.0, 0.955  # of the distance to walls: faces about the narrowest place, and what these leave of 0.95
-_SIMPLIFIED = 0.85  # of the narrow bound: simplification moves rock in by up to 4 mm; 0.9 left 0.94995 of Wheal Pell
+_SIMPLIFIED = 0.85  # of the narrow bound: simplification moves rock in, mostly by 4 mm; 0.9 left 0.94995 of Wheal Pell
 
 
 @dataclass(frozen=True)
