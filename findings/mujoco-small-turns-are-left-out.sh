@@ -22,7 +22,7 @@ def end_off_mm(turn_rad):
     )
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    return round(abs(data.geom_xmat[0][3] - math.sin(turn_rad)) * HALF_M * 1000, 4)
+    return round(float(abs(data.geom_xmat[0][3] - math.sin(turn_rad)) * HALF_M * 1000), 4)
 
 
 found = {turn: end_off_mm(turn) for turn in (1e-6, 1.9e-6, 2.1e-6, 1e-5)}
