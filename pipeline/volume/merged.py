@@ -136,7 +136,10 @@ class _Merging:
 
 
 def _hull(one: np.ndarray, other: np.ndarray) -> ConvexHull | None:
-    """Return the hull of two parts' corners; None if it has no volume. manifold3d's loses corners by up to 0.4 mm."""
+    """Return the hull of two parts' corners; None if it has no volume.
+
+    manifold3d's loses corners by up to 0.4 mm: findings/manifold3d-hull-loses-corners.sh.
+    """
     try:
         return ConvexHull(np.concatenate([one, other]))
     except QhullError:
