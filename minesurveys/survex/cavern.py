@@ -29,7 +29,7 @@ from minesurveys.survex.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
-# Survex only warns of readings that no instrument shows (findings/survex-impossible-readings-are-warnings.sh); a mine of
+# Survex only warns of readings that no instrument shows: findings/survex-impossible-readings-are-warnings.sh. A mine of
 # them would be turned or mirrored in part.
 _UNREAL = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
