@@ -39,8 +39,8 @@ slope = (np.hypot(normals[upward, 0], normals[upward, 1]) / normals[upward, 2]).
 least_mm = off_m.max() / np.hypot(1, slope) * 1000  # no point of a surface so flat is nearer
 print(f"version: manifold3d {version('manifold3d')}")
 print(
-    "behaviour: simplify takes a surface with waves and a roughness of 0.1 mm farther from its corners than its tolerance; a good "
-    "guess says, as its description does, that all surfaces move by less than the tolerance"
+    "behaviour: simplify takes a surface with waves and a roughness of 0.1 mm farther from its corners than its tolerance; a "
+    "good guess says, as its description does, that all surfaces move by less than the tolerance"
 )
 print(
     f"seen: tolerance {TOLERANCE_M * 1000:g} mm, {whole.num_tri()} triangles become {fewer.num_tri()}, and a corner is at least "

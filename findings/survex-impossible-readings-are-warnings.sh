@@ -27,8 +27,8 @@ def solved(number):
 found = {name: solved(k) for k, name in enumerate(("tape -10", "clino 100", "compass 364"), 1)}
 print(f"version: {sys.argv[1]} (the installed program)")
 print(
-    "behaviour: readings that no instrument shows are solved with a warning and exit status 0, and a leg then points the other way; "
-    "a good guess says that a negative length or a clino reading over 90 degrees is an error"
+    "behaviour: readings that no instrument shows are solved with a warning and exit status 0, and a leg then points the other "
+    "way; a good guess says that a negative length or a clino reading over 90 degrees is an error"
 )
 print(f"seen: exit status, warnings and where a leg of 10 m to the north ends: {found}")
 holds = all(status == 0 and warnings > 0 for status, warnings, _ in found.values())

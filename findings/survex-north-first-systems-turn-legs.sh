@@ -36,8 +36,8 @@ def bearing_deg(system):
 found = {f"EPSG:{system}": bearing_deg(system) for system in (32632, 2193, 31467)}
 print(f"version: {sys.argv[1]} (the installed program)")
 print(
-    "behaviour: with `*declination auto` legs are turned by about a right angle in a coordinate system whose first axis is north, with "
-    "the convergence stated as 95 degrees; a good guess says that the order of axes turns nothing, as for *fix"
+    "behaviour: with `*declination auto` legs are turned by about a right angle in a coordinate system whose first axis is "
+    "north, with the convergence stated as 95 degrees; a good guess says that the order of axes turns nothing, as for *fix"
 )
 print(f"seen: grid bearing in deg of a leg that has magnetic bearing 0, near the central meridian: {found}")
 wrong = found["EPSG:2193"], found["EPSG:31467"]
