@@ -4,7 +4,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 python3 -m venv venv
-venv/bin/pip install --quiet --disable-pip-version-check pyogrio==0.13.0 shapely==2.1.2 numpy==2.4.6
+venv/bin/pip install --quiet --disable-pip-version-check pyogrio==0.13.0 shapely==2.2.0 numpy==2.4.6
 cat > a.gpx <<'XML'
 <?xml version="1.0"?><gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>
 <trkpt lat="-33.1" lon="-70.1"><ele>2400</ele></trkpt><trkpt lat="-33.099" lon="-70.1"/>

@@ -4,7 +4,7 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 python3 -m venv venv
-venv/bin/pip install --quiet --disable-pip-version-check mujoco==3.17.0 numpy==2.4.6 pillow==12.0.0
+venv/bin/pip install --quiet --disable-pip-version-check mujoco==3.17.0 numpy==2.4.6 pillow==11.3.0
 venv/bin/python - <<'PY'
 import io
 import sys

@@ -51,10 +51,10 @@ def to_survex(path: Path) -> SurvexText:
     """Convert a Compass project, or one file of survey data, to Survex data.
 
     Survex reads these files, too, but which of their rules it follows differs by its version: 1.4.4 takes a tape
-    correction of feet for metres and leaves out folders, base locations, and backsights that have formats of their own.
-    Cross-sections and flags of shots, which Survex leaves out, are kept: L is duplicate, P surface, S a splay; shots
-    with X are left out, and those with C move least in loops. Shots in a row, each from the station where the one
-    before it ends, make a passage.
+    correction of feet for metres (findings/survex-compass-tape-correction-in-metres.sh) and leaves out folders, base
+    locations, and backsights that have formats of their own. Cross-sections and flags of shots, which Survex leaves
+    out, are kept: L is duplicate, P surface, S a splay; shots with X are left out, and those with C move least in
+    loops. Shots in a row, each from the station where the one before it ends, make a passage.
 
     Parameters
     ----------

@@ -101,7 +101,8 @@ def decode_pixels(path: Path, max_megapixels: float) -> np.ndarray:
 def _decode(path: Path, header: PictureHeader) -> np.ndarray:
     data = np.fromfile(path, dtype=np.uint8)
     if bytes(data[:2]) in _NUMBERS_AS_TEXT:
-        data = np.append(data, np.uint8(ord("\n")))  # OpenCV reads no last number without a blank behind it
+        # OpenCV reads no last number without a blank behind it: findings/opencv-pgm-last-number-needs-a-blank.sh.
+        data = np.append(data, np.uint8(ord("\n")))
     try:
         picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error as error:  # OpenCV has its own limits on width, height and pixels

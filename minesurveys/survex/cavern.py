@@ -29,7 +29,8 @@ from minesurveys.survex.survex_text import Written
 
 _MESSAGE_BYTES = 1_000_000
 _ERROR = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: (?:fatal )?error: (.*)$")
-# Survex only warns of readings that no instrument shows; a mine of them would be turned or mirrored in part.
+# Survex only warns of readings that no instrument shows: findings/survex-impossible-readings-are-warnings.sh. A mine of
+# them would be turned or mirrored in part.
 _UNREAL = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
     r"(Negative (?:adjusted )?tape.*|Clino reading over 90.*)$"
@@ -41,7 +42,8 @@ _OF_NO_LEG = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
     r"(Station .* referred to (?:just once.*|by \*entrance or \*export but never used.*))$"
 )
-# Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467.
+# Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467:
+# findings/survex-north-first-systems-turn-legs.sh.
 _CONVERGENCE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: info: (Declination: .*grid convergence: (-?[\d.]+)°.*)$")
 _MOST_CONVERGENCE_DEG = 45.0
 # Survex 1.4.10 and newer leave out what hangs on no fixed station; older ones refuse it. Both list one station of each

@@ -146,7 +146,10 @@ def _read_text(text: str) -> str:
 
 
 def flagged_together(lines: list[str]) -> list[str]:
-    """Return the lines of a Survex file with such a first reading after the line that takes its flag back."""
+    """Return the lines of a Survex file with such a first reading after the line that takes its flag back.
+
+    Survex joins readings of a leg in a row, with the first's flags: findings/survex-repeated-leg-takes-first-flags.sh.
+    """
     found = list(lines)
     first: tuple[int, list[str]] | None = None  # the last reading: its line, and its stations
     ends_at = -1  # the line that took the flag back since then

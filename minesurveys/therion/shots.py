@@ -143,7 +143,10 @@ class Shots:
         return f"*data {self.style} {' '.join(kept)}"
 
     def _is_vector(self) -> bool:
-        """Return whether shots are vectors that the declination turns. Survex turns polar readings only."""
+        """Return whether shots are vectors that the declination turns.
+
+        Survex turns polar readings only: findings/therion-declination-turns-vectors.sh.
+        """
         return self.is_turned and self.style == "cartesian" and {"from", "to", *_VECTOR.values()} <= set(self.readings)
 
     def _shot(self, line: TherionLine) -> None:

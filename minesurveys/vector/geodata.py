@@ -30,7 +30,9 @@ from minesurveys.vector.shapes import Shapes, require_size
 
 # GDAL chooses a driver by the content, and some drivers open other files that the content names. So check the content.
 _MAGIC = {".gpkg": b"SQLite format 3\x00", ".shp": b"\x00\x00\x27\x0a"}
-_UNDEFINED = "Undefined Cartesian SRS"  # srs_id -1 of a GeoPackage: no system, though GDAL gives it metres
+# srs_id -1 of a GeoPackage: no system, though GDAL gives it metres:
+# findings/gdal-geopackage-undefined-system-in-metres.sh.
+_UNDEFINED = "Undefined Cartesian SRS"
 _NOT_SUPPORTED = "Geometry type is not supported"  # pyogrio, of a layer declared as TIN or polyhedral surface
 
 

@@ -22,6 +22,8 @@ _NO_NUMBER = re.compile(r"-?(?:NaN|Infinity|\d{300,})\b")  # as Python writes wh
 def read_geojson(path: Path, layers: list[str] | None, level_by: str | None = None) -> Shapes:
     """Read polygons and lines.
 
+    GDAL leaves out broken geometries without an error: findings/gdal-geojson-broken-geometry-is-none.sh.
+
     Parameters
     ----------
     path : Path

@@ -121,7 +121,8 @@ def attach_robot(spec: mujoco.MjSpec, name: str, params: RobotParams) -> None:
         friction=[0.5, 0.005, 0.0001],
         rgba=[0.85, 0.65, 0.1, 1],
     )
-    # Robots meet as spheres of the disc's radius: two upright cylinders side by side make MuJoCo 3.17's solver diverge.
+    # Robots meet as spheres of the disc's radius: in MuJoCo 3.17 two upright cylinders side by side touch at one point,
+    # and jump up with energy that they had not: findings/mujoco-upright-cylinders-throw-each-other.sh.
     body.add_geom(
         name=f"{name}_bumper",
         type=mujoco.mjtGeom.mjGEOM_SPHERE,

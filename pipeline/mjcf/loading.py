@@ -90,10 +90,11 @@ def text_of(spec: mujoco.MjSpec, path: Path) -> str:
 def compile_world(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """Compile the specification of a model file; change it first where MuJoCo would move parts of the mine.
 
-    MuJoCo treats two rotations as one if their quaternions differ by less than 1e-6 in each number. In a long straight
-    drift a wall's own axes can be as near as that to the axes of inertia of the whole mine. MuJoCo then turns the wall
-    by up to 3e-6 rad, and its end moves by 0.3 mm. The mine never moves, so its inertia is free to choose: where a part
-    would move by more than 0.01 mm, the body states axes that no part has.
+    MuJoCo treats two rotations as one if their quaternions differ by less than 1e-6 in each number:
+    findings/mujoco-small-turns-are-left-out.sh. In a long straight drift a wall's own axes can be as near as that to
+    the axes of inertia of the whole mine. MuJoCo then turns the wall by up to 3e-6 rad, and its end moves by 0.3 mm.
+    The mine never moves, so its inertia is free to choose: where a part would move by more than 0.01 mm, the body
+    states axes that no part has.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from pipeline.store.codecs import Bundle, encode
 
 SPACING_M = 0.1  # between points; that of the visible floor before it is simplified
 _TILE_M = 20.0
-_LEVELS = 255  # of a picture of 8 bits: 0.2 mm at most
+_LEVELS = 255  # 0.2 mm at most; MuJoCo keeps 8 bits of a picture: findings/mujoco-hfield-png-of-16-bits.sh
 _DIGITS = 6
 
 

@@ -14,7 +14,9 @@ from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 _PLUMB = 1e-9  # upward part of a normal
-LONGEST_M = 100.0  # of a part: MuJoCo keeps corners in 32 bits about its middle, and so within 0.01 mm
+# Of a part, whose corners MuJoCo keeps in 32 bits about its middle, and so within 0.01 mm:
+# findings/mujoco-mesh-corners-of-32-bits.sh.
+LONGEST_M = 100.0
 _ACROSS_M = 20.0  # between plumb walls that one prism may be behind
 _TOGETHER = 256  # hulls that are tried at once, those with equally many corners together
 
@@ -134,7 +136,10 @@ class _Merging:
 
 
 def _hull(one: np.ndarray, other: np.ndarray) -> ConvexHull | None:
-    """Return the hull of two parts' corners; None if it has no volume. manifold3d's loses corners by up to 0.4 mm."""
+    """Return the hull of two parts' corners; None if it has no volume.
+
+    manifold3d's loses corners by up to 0.4 mm: findings/manifold3d-hull-loses-corners.sh.
+    """
     try:
         return ConvexHull(np.concatenate([one, other]))
     except QhullError:

@@ -28,7 +28,8 @@ def read_kml(path: Path, layers: list[str] | None, level_by: str | None = None) 
     """Read the lines and areas of a KML or KMZ file, a folder a layer; None reads all.
 
     Elevations count only where a shape's altitude mode is `absolute`: in the others they are heights above the ground,
-    or none. A shape that is not visible is read if its layer is named.
+    or none. GDAL gives them all: findings/kml-altitudes-that-do-not-count.sh. A shape that is not visible is read if
+    its layer is named.
 
     Raises
     ------

@@ -67,7 +67,8 @@ class RobotFile:
     def settle_masses(self) -> None:
         """Give each body its share of a file's `settotalmass`, which an attached spec has no more.
 
-        With `inertiafromgeom="true"` MuJoCo discards no visual geoms; `"auto"` without inertials of bodies is the same.
+        MuJoCo refuses to discard visual geoms with `inertiafromgeom="true"`; `"auto"` without inertials of bodies is
+        the same.
         """
         compiler, bodies = self.spec.compiler, self.spec.bodies[1:]
         if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:

@@ -43,7 +43,8 @@ def build_floor(workings: BaseGeometry, lines: list[np.ndarray], datum_m: float)
     GeometryError
         If a piece of the workings has no height; the message names the place.
     """
-    workings = shapely.set_precision(workings, 0.0)  # else results are rounded to the grid that it carries
+    # Else results are rounded to the grid that it carries: findings/shapely-grid-of-the-first-shape-counts.sh.
+    workings = shapely.set_precision(workings, 0.0)
     mesh = Triangulation(workings)
     near: dict[int, list[tuple[float, float]]] = defaultdict(list)
     fine = [_fill(line) for line in lines]

@@ -49,8 +49,9 @@ def cut_lines(world_m: Box, tile_m: float | None) -> tuple[np.ndarray, np.ndarra
 def tiled_rock(rock: list[Polygon], world_m: Box, tile_m: float | None) -> list[Polygon]:
     """Cut the rock in a box along the lines of `cut_lines`, so that no part is longer than a tile.
 
-    MuJoCo stores the corners of a part in 32 bits, relative to its middle: those of a part of a kilometre are rounded
-    to 0.03 mm. The time of a triangulation also grows faster than its polygon.
+    MuJoCo stores the corners of a part in 32 bits, here relative to its middle: those of a part of a kilometre are
+    rounded to 0.03 mm (findings/mujoco-mesh-corners-of-32-bits.sh). The time of a triangulation also grows faster
+    than its polygon.
     """
     eastings, northings = cut_lines(world_m, tile_m)
     if len(eastings) == len(northings) == 2:

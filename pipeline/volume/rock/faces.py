@@ -17,7 +17,9 @@ _INSIDE = 1e-6  # of a part's face, beyond its edges
 _WHOLE = 1e-9  # of a facet's area that rounding may leave
 _LEAST_M2 = 1e-9  # of a facet: what is left of smaller ones is rounding
 _ON_EDGE_M = 1e-10  # a facet's corner that is so little outside a part's face is on its edge: rounding is 1e-13
-GRID_M = 1e-9  # of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit
+# Of corners: without a grid GEOS 3.14 loses polygons whose edges differ in the last digit:
+# findings/shapely-like-triangles-share-nothing.sh.
+GRID_M = 1e-9
 _PAIRS = 100_000  # of a part and a facet, tried together
 _AT_ONCE = 20_000  # parts or facets
 

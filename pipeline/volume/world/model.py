@@ -123,7 +123,10 @@ def model_tree(scene: VolumeScene, parts: Iterable[tuple[Element, Element]]) -> 
 
 
 def part_elements(scene: VolumeScene) -> Iterator[tuple[Element, Element]]:
-    """Yield mesh and geom of each part. A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits."""
+    """Yield mesh and geom of each part.
+
+    A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits: findings/mujoco-mesh-corners-of-32-bits.sh.
+    """
     parts, zones = scene.parts, zone_numbers(scene.parts, scene.zones)
     for number, name in enumerate(part_names(parts, scene.zones)):
         corners = parts[number]
