@@ -23,8 +23,8 @@ REASONS = {  # why a package is not locked at its newest version
     "mujoco": "4.0.0's Newton solver is wrong with a sparse Jacobian; "
     "[decision 31](../docs/adr/0031-mujoco-4.md) has what 4 needs here",
     "mujoco-warp": _WARP,
-    "opencv-python-headless": "5.0.0 makes the same default world, but draws words and lines with other pixels: the plan "
-    "of stage 1 and the tests of drawings, which it letters, would change",
+    "opencv-python-headless": "5.0.0 makes the same default world, but draws words and lines with other pixels: the "
+    "plan of stage 1 and the tests of drawings, which it letters, would change",
     "pillow": "moviepy wants less than 12",
     "torch": "pinned by `pyproject.toml`; trained policies were made with it",
 }

@@ -126,8 +126,8 @@ def _simplified(
     if tolerance_m <= KEPT_M:
         if len(faces) <= MOST_FACETS:
             return vertices, faces, 0.0, tolerance_m
-        # Not `simplify` of manifold3d: with a tolerance of 0.5 mm it moved corners by 4.4 mm
-        # (findings/manifold3d-simplify-beyond-its-tolerance.sh).
+        # Not `simplify` of manifold3d, which moves corners by more than it is asked for:
+        # findings/manifold3d-simplify-beyond-its-tolerance.sh.
         fewer, fewer_faces, moved_m = decimated(vertices, faces, tolerance_m, MOST_FACETS, within=EXACT)
         moved_m = max(moved_m, float(distances(fewer, vertices, faces).max()))
         if moved_m <= tolerance_m:
