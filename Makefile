@@ -76,10 +76,12 @@ parity-gpu bench-gpu train-gpu: setup-gpu  ## on a GPU: the same as the CPU does
 
 ##@ Project
 
-# Each installs what it needs into a folder of its own; three need Debian's survex, therion or libsdformat-dev.
+# Each installs what it needs into a folder of its own; some need Debian's survex, therion or libsdformat-dev. One that
+# ends before it has seen anything, as a package is missing, was not run.
 findings:  ## run the scripts of findings/ and list those whose behaviour has changed
 	@changed=0; for script in findings/*.sh; do \
-	  if out=$$(sh $$script 2>&1); then state=holds; else state=CHANGED; changed=1; fi; \
+	  if out=$$(sh $$script 2>&1); then state=holds; else \
+	    changed=1; if echo "$$out" | grep -q '^seen: '; then state=CHANGED; else state='NOT RUN'; fi; fi; \
 	  echo "$$(basename $$script .sh): $$state ($$(echo "$$out" | sed -n 's/^version: //p' | paste -sd, -))"; \
 	done; exit $$changed
 

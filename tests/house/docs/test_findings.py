@@ -36,14 +36,19 @@ def test_a_finding_that_the_code_names_exists():
     assert named <= {path.name for path in SCRIPTS}
 
 
-def test_make_findings_lists_what_changed_and_fails(tmp_path):
+def test_make_findings_lists_what_changed_or_was_not_run_and_fails(tmp_path):
     (tmp_path / "findings").mkdir()
-    for name, status in (("holds", 0), ("other", 1)):
-        (tmp_path / "findings" / f"{name}.sh").write_text(f"echo 'version: {name} 1'\nexit {status}\n")
+    for name, seen, status in (("holds", "seen: 1", 0), ("missing", "no such package", 1), ("other", "seen: 2", 1)):
+        script = f"echo 'version: {name} 1'\necho '{seen}'\nexit {status}\n"
+        (tmp_path / "findings" / f"{name}.sh").write_text(script)
     recipe = ["make", "--no-print-directory", "-f", ROOT / "Makefile", "findings", "-o", "setup"]
     alone = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
     done = subprocess.run(recipe, cwd=tmp_path, env=alone, capture_output=True, text=True)
-    assert done.stdout.splitlines() == ["holds: holds (holds 1)", "other: CHANGED (other 1)"]
+    assert done.stdout.splitlines() == [
+        "holds: holds (holds 1)",
+        "missing: NOT RUN (missing 1)",
+        "other: CHANGED (other 1)",
+    ]
     assert done.returncode != 0
 
 
