@@ -101,6 +101,6 @@ lock: setup  ## renew requirements/*.txt from pyproject.toml
 	  --overrides /dev/stdin pyproject.toml --group dev -o requirements/baselines.txt
 	@uv pip compile -q $(LOCK) --extra export pyproject.toml --group dev -o requirements/dev.txt
 	@echo 'torch; python_version < "3"' | uv pip compile -q $(LOCK) --extra gpu --extra export \
-	  --overrides /dev/stdin -c requirements/dev.txt pyproject.toml --group dev -o requirements/gpu.txt
+	  --overrides /dev/stdin -c requirements/baselines.txt pyproject.toml --group dev -o requirements/gpu.txt
 	@uv pip compile -q $(LOCK) --group bootstrap -o requirements/bootstrap.txt
 	@uv pip compile -q $(LOCK) --group witness -o requirements/witness.txt

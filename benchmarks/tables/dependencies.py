@@ -19,7 +19,7 @@ _NAME = re.compile(r"^[A-Za-z0-9._-]+")
 _LOCKED = re.compile(r"^([A-Za-z0-9._-]+)==([^ ;\\]+)", re.MULTILINE)
 _WARP = "MuJoCo Warp follows MuJoCo's minor version"
 REASONS = {  # why a package is not locked at its newest version
-    "gymnasium": "the extra `baselines` alone: Ray 2.60 pins 1.2.2",
+    "gymnasium": "`baselines`, as Ray 2.60 pins 1.2.2, and `gpu`, which may share its environment",
     "mujoco": "4.0.0's Newton solver is wrong with a sparse Jacobian; "
     "[decision 31](../docs/adr/0031-mujoco-4.md) has what 4 needs here",
     "mujoco-warp": _WARP,
