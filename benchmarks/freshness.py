@@ -85,9 +85,10 @@ def _sha256(path: Path, written_ns: int) -> str:
 
 
 def code_of(benchmark: Benchmark, root: Path) -> str:
-    """Return one hash of the modules that a measurement's command imports, directly or indirectly, and what they read.
+    """Return one hash of all files that a measurement depends on.
 
-    Sections of own mines in `conf/` do not count, as no page is measured in one.
+    They are the modules of its command, all that these import, the files that they read, and the lock of its packages.
+    Files in `conf/` that `new` wrote for a mine do not count, as no page is measured in one.
     """
     wanted = [_file_of(module, root) for module in re.findall(r"python -m ([\w.]+)", benchmark.command)]
     closure = {Path(f"requirements/{benchmark.extra or 'dev'}.txt")}

@@ -84,7 +84,7 @@ def test_no_page_and_no_message_names_a_make_target_that_is_gone():
     assert not named
 
 
-# A measurement that keeps what it has when it is interrupted, and another one after it.
+# The first command keeps its results when it is interrupted; the second must not begin.
 TWO = """
 trap 'exit 130' INT
 sh -c 'trap "sleep 0.2; touch kept; exit 130" INT; touch begun; sleep 60'
