@@ -18,7 +18,7 @@ from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Solid, Volume, mesh_of, pieces_of, solids_of, without_crumbs
 
 _SIMPLE_M = 0.004  # of the mesh: floors keep within 1 cm of the survey
-_SAMPLE_M = 0.1  # along the ways on which no rock is put
+_SAMPLE_M = 0.03  # along the ways on which no rock is put
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
 _STEEP_NZ = 0.7  # of a floor's, at least: where it is steeper, 4 mm along the normal are more in height
 

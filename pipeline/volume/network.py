@@ -11,16 +11,14 @@ import numpy as np
 
 from minesurveys.frames import Source
 from pipeline.errors import InputError
+from pipeline.survey.passages.chains import Chain, continued, sections_of_chains
 from pipeline.survey.passages.relief import heights_along, known_of
-from pipeline.survey.passages.sections import LEAST_M, narrow_sections, sections_of
+from pipeline.survey.passages.sections import LEAST_M, narrow_sections
 from pipeline.survey.passages.survey_leg import SurveyLeg
 
-_INSIDE = 0.8  # of a shot's length that bends may take from its inner wall
 _NO_LENGTH_M = 1e-3
-_NO_AREA_M2 = 1e-12
 NEAR_M = 5.0  # along the survey: legs so near meet, and have one floor where their sections overlap
 WITHIN_M = 0.005  # of a section: the mesh has its walls within 4 mm
-_DIGITS = 6  # of a metre, in sections that are compared, as worlds state them
 
 
 @dataclass(frozen=True)
@@ -172,7 +170,7 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     index: dict[str, int] = {}
     names: list[str] = []
     places: list[np.ndarray] = []
-    chains: list[_Chain] = []
+    chains: list[Chain] = []
     repairs: list[str] = []
     skipped = 0
     for leg in legs:
@@ -201,10 +199,10 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
                 places.append(at[k])
                 names.append(name)
         if len(kept) > 1:
-            chains.append(_Chain([index[leg.stations[k]] for k in kept], at[kept], lrud[kept], known[kept]))
+            chains.append(Chain([index[leg.stations[k]] for k in kept], at[kept], lrud[kept], known[kept]))
     rows: list[tuple[tuple[int, int], np.ndarray, np.ndarray, tuple[bool, bool], np.ndarray]] = []
-    for chain in _continued(chains):
-        across, joined = _sections(chain.places_m, chain.lrud_m[:, :2])
+    chains = continued(chains)
+    for chain, (across, joined) in zip(chains, sections_of_chains(chains), strict=True):
         for n, ends in enumerate(pairwise(chain.stations)):
             both = slice(n, n + 2)
             rows.append((ends, across[n], chain.lrud_m[both], (joined[n], joined[n + 1]), chain.known[both]))
@@ -215,84 +213,3 @@ def network_of(legs: list[SurveyLeg], height_m: float, half_m: float) -> SurveyN
     middle = np.round((around.min(axis=0) + around.max(axis=0)) / 2)
     none, named = np.zeros_like(shared), tuple(names)
     return SurveyNetwork(around - middle, shots, left, walls, shared, known, none, named, skipped, tuple(repairs))
-
-
-@dataclass(frozen=True)
-class _Chain:
-    """Stations that follow each other, by number, their places (n, 3) m, sections (n, 4) m, and how these are known."""
-
-    stations: list[int]
-    places_m: np.ndarray
-    lrud_m: np.ndarray
-    known: np.ndarray
-
-    def reversed(self) -> _Chain:
-        """Return the chain the other way round."""
-        sections = (rows[::-1, [1, 0, 2, 3]] for rows in (self.lrud_m, self.known))
-        return _Chain(self.stations[::-1], self.places_m[::-1], *sections)
-
-    def followed_by(self, other: _Chain) -> _Chain:
-        """Return the chain and one that begins where it ends; the higher of their roofs counts there."""
-        lrud = np.concatenate([self.lrud_m[:-1], np.maximum(self.lrud_m[-1:], other.lrud_m[:1]), other.lrud_m[1:]])
-        places = np.concatenate([self.places_m, other.places_m[1:]])
-        known = np.concatenate([self.known, other.known[1:]])
-        return _Chain(self.stations + other.stations[1:], places, lrud, known)
-
-
-def _continued(chains: list[_Chain]) -> list[_Chain]:
-    """Return the chains; two that end at a station are one if they have a section there that no other leg has.
-
-    A passage that was measured goes on in legs that nobody measured: two tubes would have a gap where it bends. Of a
-    section count the walls and the floor. However legs are parted into chains, the same go on.
-    """
-    found, ending = dict(enumerate(chains)), dict[tuple[int, float, float, float], list[int]]()
-    for number, chain in found.items():
-        rounded = chain.lrud_m.round(_DIGITS).tolist()
-        for k, (station, (left, right, _, down)) in enumerate(zip(chain.stations, rounded, strict=True)):
-            legs = [number] * ((k > 0) + (k < len(chain.stations) - 1))
-            ending.setdefault((station, min(left, right), max(left, right), down), []).extend(legs)
-    of = list(found)  # by number, that of the chain that it is a part of now
-    for (station, *_), ends in ending.items():
-        one, other = (of[number] for number in ends) if len(ends) == 2 else (0, 0)
-        if one == other:
-            continue
-        first, second = found[one], found[other]
-        if first.stations[0] == station:
-            one, other, first, second = other, one, second, first
-        if first.stations[-1] != station:
-            first = first.reversed()
-        if second.stations[0] != station:
-            second = second.reversed()
-        if not (first.lrud_m[-1] - second.lrud_m[0])[:2].round(_DIGITS).any():
-            found[one] = first.followed_by(second)
-            del found[other]
-            of = [one if number == other else number for number in of]
-    return list(found.values())
-
-
-def _sections(at: np.ndarray, walls: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the vectors to the left (n - 1, 2, 2) at both ends of each shot of a chain, and which stations share one.
-
-    Shots share a section as `sections_of` has it, if that leaves a length to both walls. Steep shots have their own. A
-    plumb shot takes the direction of the one before it.
-    """
-    step = np.diff(at[:, :2], axis=0)
-    run = np.linalg.norm(step, axis=1)
-    steep = np.abs(np.diff(at[:, 2])) > run
-    may_share = np.zeros(len(at), bool)
-    lost = np.zeros(len(step))  # of each shot's length, at the wall on the inside of its bends
-    for k in range(1, len(step)):
-        both, chord = slice(k - 1, k + 1), at[k + 1, :2] - at[k - 1, :2]
-        area = np.abs(step[both, 0] * chord[1] - step[both, 1] * chord[0])
-        short = walls[k].max() * area / np.maximum(run[both] * np.hypot(*chord), _NO_AREA_M2)
-        if not steep[both].any() and (lost[both] + short < _INSIDE * run[both]).all():
-            may_share[k] = True
-            lost[both] += short
-    across, joined = sections_of(at[:, :2], walls, may_share)
-    left = np.array([0.0, 1.0])
-    for k in range(len(step)):
-        if run[k] > _NO_LENGTH_M:
-            left = np.array([-step[k, 1], step[k, 0]]) / run[k]
-        else:
-            across[k] = left
-    return across, joined

@@ -27,6 +27,7 @@ _UNLIKE, _TURN = (1e-3, 3e-3, 1e-2), (np.sqrt(5) - 1) / 2
 _ALWAYS = 2  # rounds; others if there is more left than this, m2
 _LEFT_M2 = 0.02
 _BEHIND_M = 0.002  # a place that is so far behind a facet may be before it
+_BESIDE = 1.5  # of half of the rock, from a facet to a place: at its corners the rock is wider by 1.41 of it
 NARROW_M = 0.06  # of a circle: no body that is thrown is narrower, so that none sinks in there
 _POCKET_M3 = 1e-3  # of free space that becomes rock
 _ROOF_NZ = 0.7  # of a facet's normal, which points out of the free space
@@ -111,7 +112,7 @@ def _on_ways(volume: Volume, facets: np.ndarray, ways: cKDTree, half_m: float) -
     triangles = shapely.polygons(np.einsum("nik,nck->nci", plane, corners - middle[:, None]))
     beside = shapely.distance(triangles[row], shapely.points(np.einsum("nik,nk->ni", plane[row], step)))
     found = np.zeros(len(facets), bool)
-    found[row[(depth > -_BEHIND_M) & (depth < 2 * half_m) & (beside < 2 * half_m)]] = True
+    found[row[(depth > -_BEHIND_M) & (depth < 2 * half_m) & (beside < _BESIDE * half_m)]] = True
     return found
 
 
