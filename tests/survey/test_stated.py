@@ -21,7 +21,7 @@ from pipeline.geometry.drawing.line_drawing import fill_line_drawing
 from pipeline.own_mines import require_kept
 from pipeline.params.stated import Option, StatedOptions, option, require_read, state
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.load import require_extent
+from pipeline.survey.scaled import require_extent
 from tests.mines import TEE, frame_for, plan_of
 
 

@@ -15,7 +15,7 @@ from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PlanSurveyParams
 from pipeline.survey.detection.picture import detect_picture
 from pipeline.survey.drawing.light import even_light, is_light_on_dark
-from pipeline.survey.load import read_plan
+from pipeline.survey.scaled import read_plan
 from tests.mines import RING, TEE, frame_for, plan_of
 
 ROOMS = shapely.box(0, 0, 60, 45).difference(

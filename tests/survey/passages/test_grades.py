@@ -14,7 +14,7 @@ from pipeline.import_mine import survey_yaml
 from pipeline.params.stated import StatedOptions
 from pipeline.params.survey import PassageSurveyParams, SurveyParams
 from pipeline.survey.detect import detect_survey
-from pipeline.survey.load import plan_of_stations
+from pipeline.survey.scaled import plan_of_stations
 from pipeline.survey.solved.station_table import read_station_legs, read_stations
 from pipeline.survey.vector_survey import read_vector_survey
 from pipeline.types import DrawnPlan
