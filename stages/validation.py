@@ -17,8 +17,9 @@ from pipeline.metrics.iou import joined_to, plan_iou
 from pipeline.metrics.limits import breaches, flatten, is_time, require_limits
 from pipeline.metrics.size import load_per_m2
 from pipeline.mjcf.load_time import LoadCost, measure_load
-from pipeline.mjcf.loading import load_model
+from pipeline.mjcf.loading import read_spec
 from pipeline.mjcf.render import render_free_space
+from pipeline.mjcf.visible import compile_with
 from pipeline.params.validation import ReplayParams, ValidationParams
 from pipeline.progress import counted, progress
 from pipeline.proof.certificate import Certificate
@@ -77,6 +78,7 @@ def _validate_volume(
     from pipeline.volume.world.proof.again.seen import require_surveyed_plan
     from pipeline.volume.world.proof.certificate import (  # open3d takes a second to load
         open_volume,
+        seen_volume,
         validate_volume,
     )
     from pipeline.volume.world.proof.derived_content import require_remade
@@ -90,19 +92,20 @@ def _validate_volume(
     require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
     done.update()
     legs = shape if isinstance(shape, SurveyedLegs) else None  # those of other shapes follow their floors
-    require_remade(world, opened, params.volume, legs, shape.datum_m)
+    require_remade(world, opened, params.volume, legs, shape)
     plan = _seen_plan(mine, shape, traced)
     require_surveyed_plan(world, opened.record, frame, plan)
     require_drawn_areas(world / RECORD, opened.record.areas, plan.length, frame, cleaned, raw)
     done.update()
     found = validate_volume(params.volume, opened, shape)
     done.update()
-    rock = measure_volume_texture(opened, params.texture)
+    seen_from = dataclasses.replace(opened, mine=seen_volume(params.volume, opened))
+    rock = measure_volume_texture(seen_from, params.texture)
     done.update()
     done.close()
     metrics, evidence = found.metrics, dict[str, Any]()
     if shape is not mine.shape and params.extent == "full":  # a traced plan
-        model, record = load_model(world / MODEL), opened.record
+        model, record = compile_with(read_spec(world / MODEL), world / MODEL), opened.record
         seen = render_free_space(model, np.array(record.T_world_mine), frame, record.volume.high_m)
         seen = joined_to(seen, frame, record.spawn.anchor_m[:2])  # parts of floors reach under the rock
         metrics = metrics | {"iou": plan_iou(seen, cleaned, raw)}
@@ -119,7 +122,7 @@ def _validate_volume(
     if opened.rock:
         from pipeline.volume.world.surface.views import draw_volume_views
 
-        evidence["views.png"] = draw_volume_views(world, opened.record, opened.legs)
+        evidence["views.png"] = draw_volume_views(world, opened.record, opened.legs, plan)
     if found.scan is not None:
         from pipeline.report.figures.deviation import draw_deviation
 

@@ -87,8 +87,8 @@ class VolumeWorld:
         return decode(self.bundle / name, kind)
 
 
-def with_rock(source: str, folder: Path) -> Path:
-    """Build a station table in a folder, and in `folder / "rocky"` its bundle with visible rock; return the folder."""
+def with_rock(source: str | MineSurvey, folder: Path) -> Path:
+    """Build a station table, or a survey, in a folder, with its rock in `folder / "rocky"`; return the folder."""
     built, rock = VolumeWorld(source, folder), folder / "rock"
     texture = np.full((16, 16, 3), 90, np.uint8)
     write(rock, {**rock_of_volume(WITH_ROCK.surface, folder / "compiled", texture).files, TEXTURE: texture})

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import FITTINGS_BODY, SURFACE_BODY, GeomGroup, smooth_mesh, surface_geom
 from pipeline.geometry.rasterize import fill_polygon
@@ -121,12 +121,17 @@ def compile_with(spec: mujoco.MjSpec, path: Path, shown: Collection[str] = ()) -
     ArtifactError
         If MuJoCo refuses the model; the message is MuJoCo's, on one line.
     """
+    hide_but(spec, shown)
+    return compile_spec(spec, path)
+
+
+def hide_but(spec: mujoco.MjSpec, shown: Collection[str]) -> None:
+    """Make hidden tetrahedra of all visible meshes of a model but those of some geoms."""
     left_out = [geom for geom in _only_seen(spec) if geom.name not in shown]
     for geom in left_out:
         geom.group = _HIDDEN
     names = {geom.meshname for geom in left_out} - {geom.meshname for geom in spec.geoms if geom.name in shown}
     leave_out(spec.mesh(name) for name in names)
-    return compile_spec(spec, path)
 
 
 def leave_out(meshes: Iterable[mujoco.MjsMesh]) -> None:
@@ -135,7 +140,7 @@ def leave_out(meshes: Iterable[mujoco.MjsMesh]) -> None:
         mesh.file, mesh.uservert, mesh.userface = "", STAND_IN.vertices.ravel(), STAND_IN.faces.ravel()
 
 
-def in_sight(visible: Visible, free: Polygon, eyes_m: Iterable[np.ndarray]) -> set[str]:
+def in_sight(visible: Visible, free: BaseGeometry, eyes_m: Iterable[np.ndarray]) -> set[str]:
     """Return the names of geoms that a camera at places (2,) m of the plan, in the workings, may see.
 
     Lines of sight run in plan to the walls, which visible rock may stand behind. Whatever is near one may be seen.

@@ -106,6 +106,8 @@ class VolumeProofParams(Params):
 
     height_m: float = Field(default=3.5, gt=0.5, le=50, description="height of passages whose roof nobody measured")
     volume: VolumeParams = Field(default_factory=VolumeParams, description="what the world was made with")
+    arch_rise_m: float = Field(default=0.9, gt=0, description="how much lower drawn roofs are seen at their walls")
+    arch_half_span_m: float = Field(default=2.75, gt=0, description="distance from walls at which these are as drawn")
     compiled: int = Field(default=500, ge=1, description="most collision parts whose compiled hull is measured")
     most_parts: int = Field(default=3000, ge=10, description="most collision parts about the bodies that are thrown")
     robot_contacts: int = Field(default=2000, ge=0, description="contacts of the robots that are thrown; 0: none are")

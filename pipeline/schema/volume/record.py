@@ -19,7 +19,7 @@ from pipeline.schema.record import (
     check_zones,
     shown,
 )
-from pipeline.schema.rules import list_of, number, whole
+from pipeline.schema.rules import Rule, list_of, number, whole
 from pipeline.schema.volume.arrays import figures_of
 
 _PLACE = list_of(number(-REACH_M, REACH_M), 3)
@@ -53,6 +53,7 @@ _FIGURES = {
     "datum_m": number(-REACH_M, REACH_M),
     "entrances": _check_ends,
     "closed_ends": _check_ends,
+    "is_drawn": Rule(lambda value: isinstance(value, bool), "true or false"),
 }
 VOLUME_FIELDS: dict[str, Any] = {
     **{name: rule for name, rule in RECORD_FIELDS.items() if name != "height_m"},

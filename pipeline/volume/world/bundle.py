@@ -143,6 +143,7 @@ def _figures(volume: VolumeFacets, parts: Parts, cells: FloorSpans, built: Built
         datum_m=built.datum_m,
         entrances=built.entrances,
         closed_ends=built.closed_ends,
+        is_drawn=built.is_drawn,
     )
 
 

@@ -15,6 +15,8 @@ from pipeline.volume.world.room import room_of
 from pipeline.volume.world.spans import spans_of
 
 _DIGITS = 6
+_A_METRE = 1000  # steps of clearances, which are rounded down: they are most of the bytes of cells
+_NEARLY = 0.01  # of a step, that rounding may take from a whole one
 
 
 def cells_of(volume: VolumeFacets, cell_m: float, robot: RobotSize) -> FloorSpans:
@@ -40,11 +42,17 @@ def cells_of(volume: VolumeFacets, cell_m: float, robot: RobotSize) -> FloorSpan
     room = room_of(volume, bare, np.where(flat[:, None], slope, 0.0), robot)
     return replace(
         bare,
-        clearance_m=room.clearance_m.round(_DIGITS),
+        clearance_m=_rounded_down(room.clearance_m),
         storey=storeys_of(bare.column, bare.row, bare.storey >= 0, neighbours_of(bare, robot)),
         aside_m=room.aside_m.round(_DIGITS).astype(np.float32),
-        way_m=room.way_m.round(_DIGITS).astype(np.float32),
+        way_m=_rounded_down(room.way_m).astype(np.float32),
     )
+
+
+def _rounded_down(clearances_m: np.ndarray) -> np.ndarray:
+    """Return clearances, m, in whole millimetres that are not more."""
+    found: np.ndarray = np.floor(clearances_m * _A_METRE + _NEARLY) / _A_METRE
+    return found
 
 
 def _slopes(volume: VolumeFacets, facets: np.ndarray) -> np.ndarray:

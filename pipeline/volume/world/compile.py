@@ -81,7 +81,8 @@ def _made_of(params: Compile3dParams, shape: VolumeShape) -> _VolumeDraft:
             return _of_legs(params, shape)
         case ClosedMesh():
             return _of_solid(params, shape, _FLOATING_M3)
-    return _of_solid(params, solid_of_floors(shape, params.height_m, params.volume.half_width_m), np.inf)
+    drawn = solid_of_floors(shape, params.height_m, params.volume.half_width_m)
+    return replace(_of_solid(params, drawn, np.inf), is_drawn=True)
 
 
 def _files_of(
@@ -94,7 +95,7 @@ def _files_of(
     done()
     legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
     start = start_of(cells, legs, start_m, params.spawn, robot, surveyed.datum_m)
-    built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused)
+    built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused, made.is_drawn)
     if not made.is_solid:
         _warn(built)
     done()
@@ -121,6 +122,7 @@ class _VolumeDraft:
     surveyed: SurveyedLegs
     network: SurveyNetwork
     is_solid: bool
+    is_drawn: bool = False
 
 
 def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
@@ -172,7 +174,7 @@ def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) ->
     return _VolumeDraft(solved, volume, np.zeros(3), cells, surveyed, network, True)
 
 
-def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int) -> BuiltVolume:
+def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int, is_drawn: bool) -> BuiltVolume:
     ends = [name for name in legs.dead_ends if name not in legs.entrances]
     surveyed_m = round(surveyed.surveyed_m, 3)
     piece_m = min(round(legs.total_length_m, 3), surveyed_m)  # lengths of legs are rounded one by one
@@ -185,6 +187,7 @@ def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: in
         [OpenEnd(name, legs.stations_m[name]) for name in ends],
         list(zip(lines_of(surveyed.pieces), surveyed.pieces_m.round(3).tolist(), strict=True)),
         refused,
+        is_drawn,
     )
 
 

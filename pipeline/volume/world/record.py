@@ -22,7 +22,8 @@ class BuiltVolume:
     """What was built of a survey: lengths in m, all of the file, of the piece that was chosen, and in the free space.
 
     `datum_m` is the elevation of the mine frame's z = 0. `pieces` are those that share no station with this one, each
-    with its length and a station of it. `refused_parts` are slivers that MuJoCo does not compile.
+    with its length and a station of it. `refused_parts` are slivers that MuJoCo does not compile. `is_drawn` says that
+    it is the space over drawn areas.
     """
 
     surveyed_m: float
@@ -33,11 +34,12 @@ class BuiltVolume:
     closed_ends: list[OpenEnd]
     pieces: list[tuple[str, float]]
     refused_parts: int
+    is_drawn: bool
 
 
 @dataclass(frozen=True)
 class VolumeFigures:
-    """Sizes of the volume: facets, vertices, parts and floor parts, storeys, and heights in m."""
+    """Sizes of the volume: facets, vertices, parts and floor parts, storeys, and heights in m; see `BuiltVolume`."""
 
     facets: int
     vertices: int
@@ -52,6 +54,7 @@ class VolumeFigures:
     datum_m: float
     entrances: list[OpenEnd]
     closed_ends: list[OpenEnd]
+    is_drawn: bool
 
 
 @dataclass(frozen=True)

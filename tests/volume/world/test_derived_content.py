@@ -77,7 +77,7 @@ def of_volume(world, **fields):
 
 
 def test_what_the_builder_writes_is_made_again_with_its_survey_and_without(tee, opened):
-    require_remade(tee.bundle, opened, proof(), tee.shape, tee.shape.datum_m)
+    require_remade(tee.bundle, opened, proof(), tee.shape, tee.shape)
     stated = survey_alone(opened, proof())
     assert stated is not None
     require_remade(tee.bundle, opened, proof(), stated)
@@ -88,7 +88,7 @@ def test_a_solid_is_made_again_and_certified_without_its_file(solid):
     world = solid.opened()
     assert world.mine.leg.any()
     assert survey_alone(world, proof()) is None
-    require_remade(solid.bundle, world, proof(), None, solid.shape.datum_m)
+    require_remade(solid.bundle, world, proof(), None, solid.shape)
     found = certify_alone(world, proof())
     assert found.holds
     assert not [name for name in found.clauses if name.startswith("floor.")]
@@ -129,7 +129,7 @@ def test_legs_of_one_number_do_not_make_a_survey_a_solid(opened):
 )
 def test_a_value_that_is_not_what_the_mesh_and_the_survey_give_is_named(tee, opened, change, message):
     with pytest.raises(ArtifactError, match=message):
-        require_remade(tee.bundle, change(opened), proof(), tee.shape, tee.shape.datum_m)
+        require_remade(tee.bundle, change(opened), proof(), tee.shape, tee.shape)
 
 
 def test_an_octree_or_a_map_of_other_floors_is_named(tee, opened, tmp_path):
@@ -140,11 +140,11 @@ def test_an_octree_or_a_map_of_other_floors_is_named(tee, opened, tmp_path):
         data[-4] ^= 1
         (folder / name).write_bytes(bytes(data))
         with pytest.raises(ArtifactError, match=f"{name}: not the"):
-            require_remade(folder, opened, proof(), tee.shape, tee.shape.datum_m)
+            require_remade(folder, opened, proof(), tee.shape, tee.shape)
     fewer = {name: digest for name, digest in opened.record.files.items() if name != "map_00.png"}
     without = dataclasses.replace(opened, record=dataclasses.replace(opened.record, files=fewer))
     with pytest.raises(ArtifactError, match=r"map_00\.png: missing; cells\.npz has a storey 0"):
-        require_remade(tee.bundle, without, proof(), tee.shape, tee.shape.datum_m)
+        require_remade(tee.bundle, without, proof(), tee.shape, tee.shape)
 
 
 def test_a_long_facet_of_a_floor_that_legs_share_is_about_its_leg_at_a_corner(opened):

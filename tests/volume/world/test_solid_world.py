@@ -222,5 +222,5 @@ def test_what_is_built_is_no_longer_than_the_survey_after_rounding():
     legs = LegNetwork({}, [], [], [], [], 0, 1, 9.1096)
     nothing = np.zeros(0, np.uint8)
     surveyed = SurveyedLegs(np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(1, np.int32), nothing, surveyed_m=9.1084)
-    built = _built(surveyed, legs, 9.10851, 0)
+    built = _built(surveyed, legs, 9.10851, 0, False)
     assert built.built_m <= built.piece_m <= built.surveyed_m

@@ -8,7 +8,7 @@ import pytest
 
 from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.params.compile3d import SpawnParams
-from pipeline.volume.world.cells import cells_of
+from pipeline.volume.world.cells import _rounded_down, cells_of
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.proof.reached import straight_ways
 from pipeline.volume.world.reach import RobotSize, components_of, covered, neighbours_of, regions_of
@@ -188,3 +188,8 @@ def test_straight_ways_of_a_metre_end_four_cells_farther_and_none_crosses_a_step
     assert np.allclose(apart[:, 2], 0)
     columns, rows = 24, 8
     assert len(ways) == 2 * (columns // 2 - 4) * rows + columns * (rows - 4)
+
+
+def test_clearances_are_whole_millimetres_that_are_not_more():
+    exact = np.array([0.0, 0.35, 0.35 - 1e-7, 0.3499, 0.3509, 1000.0])
+    assert _rounded_down(exact).tolist() == [0.0, 0.35, 0.35, 0.349, 0.35, 1000.0]

@@ -23,6 +23,7 @@ from pipeline.types import ClosedMesh, DrawnFloors, Mesh, SurveyedLegs, VolumeSh
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.enclosure import describe_place, measure_enclosure
 from pipeline.volume.network import SurveyNetwork
+from pipeline.volume.passages.arch import Arch, arched
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built_length import built_lengths_m
@@ -100,6 +101,12 @@ def open_volume(folder: Path) -> VolumeBundle:
     )
 
 
+def seen_volume(params: VolumeProofParams, world: VolumeBundle) -> VolumeFacets:
+    """Return the facets that the visible rock is moved from: those of the volume, under drawn roofs with an arch."""
+    is_drawn = world.record.volume.is_drawn
+    return arched(world.mine, Arch(params.arch_rise_m, params.arch_half_span_m)) if is_drawn else world.mine
+
+
 def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: VolumeShape) -> Validated:
     """Measure a volume world against its survey: its legs, the solid where it is one, or drawn floors.
 
@@ -130,7 +137,7 @@ def validate_volume(params: VolumeProofParams, world: VolumeBundle, shape: Volum
             "unlike": compiled.unlike,
             "mislabelled": fronts.mislabelled,
         },
-        "rock": measure_rock(volume, world.legs, world.rock, rng),
+        "rock": measure_rock(closed_volume(seen_volume(params, world)), world.legs, world.rock, rng),
         "reach": reach.figures,
         **_bodies(params, volume, fronts.parts, rng),
         **_drives(params, world, fronts.parts, reach),

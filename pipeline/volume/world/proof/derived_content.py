@@ -17,7 +17,7 @@ from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.rebuilt.differences import first_difference
 from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.store.codecs import decode
-from pipeline.types import Image, SurveyedLegs, lines_of
+from pipeline.types import DrawnFloors, Image, SurveyedLegs, VolumeShape, lines_of
 from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
@@ -48,7 +48,7 @@ def require_remade(
     world: VolumeBundle,
     params: VolumeProofParams,
     surveyed: SurveyedLegs | None,
-    datum_m: float | None = None,
+    shape: VolumeShape | None = None,
 ) -> None:
     """Make the files and figures of a volume's bundle again from its mesh and its survey, and compare them.
 
@@ -61,8 +61,8 @@ def require_remade(
         The heights and the robot of `compile3d` that the world was made with.
     surveyed : SurveyedLegs or None
         The legs of the survey, or those that the bundle states; None if the world's legs follow its floors.
-    datum_m : float, optional
-        The elevation of z = 0, if the survey is known.
+    shape : VolumeShape, optional
+        What was surveyed, if it is known: it has the elevation of z = 0, and is drawn areas or not.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def require_remade(
             f"{folder / TOPOLOGY}: {differs}, as the {'floors have' if surveyed is None else 'legs have'}"
         )
     require_labelled(folder, world, surveyed is None, params)
-    _require_figures(folder, world, surveyed, datum_m)
+    _require_figures(folder, world, surveyed, shape)
     require_plan(folder, world, surveyed)
     _require_start(folder, world, params)
     require_same_model(folder, world)
@@ -158,7 +158,9 @@ def _require_maps(folder: Path, world: VolumeBundle) -> None:
         raise ArtifactError(f"{folder / min(missing)}: a map of a storey that {CELLS} has not")
 
 
-def _require_figures(folder: Path, world: VolumeBundle, surveyed: SurveyedLegs | None, datum_m: float | None) -> None:
+def _require_figures(
+    folder: Path, world: VolumeBundle, surveyed: SurveyedLegs | None, shape: VolumeShape | None
+) -> None:
     """Compare the figures of the record that follow from the legs and the free space.
 
     Legs along floors are all that was surveyed. Who has no survey, and so no datum, does not know how much more was
@@ -167,7 +169,7 @@ def _require_figures(folder: Path, world: VolumeBundle, surveyed: SurveyedLegs |
     record, legs = world.record, world.legs
     stated, built = record.volume, built_length_m(closed_volume(world.mine), legs)
     known_m = legs.total_length_m if surveyed is None else surveyed.surveyed_m
-    surveyed_m = stated.surveyed_m if surveyed is not None and datum_m is None else known_m
+    surveyed_m = stated.surveyed_m if surveyed is not None and shape is None else known_m
     closed = [name for name in legs.dead_ends if name not in legs.entrances]
     wanted = {
         "loops": legs.loops,
@@ -176,7 +178,8 @@ def _require_figures(folder: Path, world: VolumeBundle, surveyed: SurveyedLegs |
         "closed_ends": [dataclasses.asdict(OpenEnd(name, legs.stations_m[name])) for name in closed],
         "piece_m": min(legs.total_length_m, stated.surveyed_m),
         "built_m": min(built, legs.total_length_m, stated.surveyed_m),
-        "datum_m": stated.datum_m if datum_m is None else datum_m,
+        "datum_m": stated.datum_m if shape is None else shape.datum_m,
+        "is_drawn": stated.is_drawn and surveyed is None if shape is None else isinstance(shape, DrawnFloors),
         "surveyed_m": surveyed_m,
     }
     found = {**dataclasses.asdict(stated), "loops": record.loops, "drifts": record.drifts}

@@ -20,7 +20,10 @@ from pipeline.surface.mesh.simplify import Simplification
 from pipeline.surface.reference import measure_sources
 from pipeline.surface.relief_source import Relief, bounds_of, choose_bands, configured_rock
 from pipeline.types import Image
+from pipeline.volume.passages.arch import Arch, arched
+from pipeline.volume.world.compile import BUILT
 from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.record import BuiltVolume
 from pipeline.volume.world.surface.chunks import cut_rock
 from pipeline.volume.world.surface.displace import DisplacedRock, displace_rock
 from pipeline.volume.world.surface.fine import refine
@@ -29,7 +32,7 @@ from pipeline.volume.world.surface.room import room_about
 from pipeline.volume.world.surface.scanned import NO_RGB, NO_SCAN, ScanColours, unseen
 from pipeline.volume.world.topology import LegNetwork
 
-_SIMPLIFIED = 0.25  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
+_SIMPLIFIED = 0.5  # of a chunk's side: a tile that is simplified less, as its rock would cross, is small
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class VolumeRock:
 def rock_of_volume(
     params: SurfaceParams, compiled: Path, texture: Image, scan_m: np.ndarray = NO_SCAN, scan_rgb: np.ndarray = NO_RGB
 ) -> VolumeRock:
-    """Return the visible rock of the volume in a folder of stage 3.
+    """Return the visible rock of the volume in a folder of stage 3; roofs of drawn areas have an arch.
 
     Near points (n, 3) m of a scan it is the volume itself, which follows them, with their colours (n, 3), if they have
     any. Away from them, and in workings that were not scanned, it is synthetic and has the texture.
@@ -55,10 +58,12 @@ def rock_of_volume(
         If the rock would need points more than 0.5 m apart to keep within `most_faces`.
     """
     with progress("surface", 4, "steps") as done:
-        volume = decode(compiled / VOLUME, VolumeFacets)
-        balls = balls_along(volume, decode(compiled / TOPOLOGY, LegNetwork))
+        volume, built = decode(compiled / VOLUME, VolumeFacets), decode(compiled / BUILT, BuiltVolume)
+        arch = Arch(params.roof_chamfer_m, params.rough.arch_half_span_m)
+        seen = arched(volume, arch) if built.is_drawn else None
+        balls = balls_along(seen or volume, decode(compiled / TOPOLOGY, LegNetwork))
         done.update()
-        rock = displaced_rock(params, volume, scan_m, balls)
+        rock = displaced_rock(params, volume, scan_m, balls, seen)
         done.update()
         chunks, texture = cut_rock(rock, params, texture, ScanColours(scan_m, scan_rgb))
         done.update()
@@ -67,16 +72,23 @@ def rock_of_volume(
 
 
 def displaced_rock(
-    params: SurfaceParams, volume: VolumeFacets, scan_m: np.ndarray = NO_SCAN, balls: Balls = NO_BALLS
+    params: SurfaceParams,
+    volume: VolumeFacets,
+    scan_m: np.ndarray = NO_SCAN,
+    balls: Balls = NO_BALLS,
+    seen: VolumeFacets | None = None,
 ) -> DisplacedRock:
-    """Return the displaced rock of a volume, whose narrowest passage fits `balls`; see `rock_of_volume`."""
+    """Return the displaced rock of a volume, whose narrowest passage fits `balls`; see `rock_of_volume`.
+
+    It is moved from the volume, or from how that is `seen` under its arch.
+    """
     area_m2 = np.linalg.norm(volume.normals[volume.label != FacetLabel.FLOOR], axis=1).sum() / 2
     rough = within_most_faces(params.rough, partial(_faces, volume), f"{area_m2:.0f} m2 of walls and roofs")
-    fine = refine(volume, rough.spacing_m, rough.roof_spacing_m)
+    fine, walls = refine(volume, rough.spacing_m, rough.roof_spacing_m, seen), seen or volume
     simplification = Simplification(rough.kept_share, rough.tile_m * _SIMPLIFIED) if rough.kept_share else None
     wanted, share = wanted_m(rough, fine, _relief(params)), unseen(fine.vertices, scan_m)
-    room = room_about(fine, volume, balls)
-    free, foot_m, narrowest = closed_volume(volume).inside, params.floor_chamfer_m, Narrowest.of(balls, volume)
+    room = room_about(fine, walls, balls)
+    free, foot_m, narrowest = closed_volume(walls).inside, params.floor_chamfer_m, Narrowest.of(balls, walls)
     rock = displace_rock(fine, wanted, room, bounds_of(rough), foot_m, simplification, free, share, narrowest)
     if len(rock.crossings):
         place, count = rock.crossings[0].round(1).tolist(), len(rock.crossings)

@@ -23,8 +23,8 @@ _FLAT_AFTER = 4  # rounds: then the rock about a crossing stays on its collision
 _FLAT_M = 0.3
 _WIDER_AFTER = 7  # rounds: then within twice as much in each, up to
 _WIDEST_M = 1.2  # more than a displacement and an edge of the fine rock: a facet at a crossing has no relief then
-_REFINE_AFTER = 2  # rounds: then what is wrong may come from the simplification
-_BEYOND_M = 0.004  # a simplified mesh may reach beyond the bound
+_REFINE_AFTER = 6  # rounds: then what is wrong comes from the simplification; to take relief back before costs no faces
+_BEYOND_M = 0.002  # corners of a simplified mesh may reach beyond the bound; in a hollow middles of faces reach farther
 _CELL_M = 2.0  # longer than a face: the last round tries all faces, whatever their length
 _ABOUT, _KEPT = 2.0, 0.955  # of the distance to walls: faces about the narrowest place, and what these leave of 0.95
 _SIMPLIFIED = 0.85  # of the narrow bound: simplification moves rock in, mostly by 4 mm; 0.9 left 0.94995 of Wheal Pell
@@ -102,7 +102,7 @@ def displace_rock(
         flat_m = min(_FLAT_M * 2 ** max(0, repair - _WIDER_AFTER + 1), _WIDEST_M)
         near = _distance_m(vertices, places, max(_RADIUS_M, 2 * flat_m))
         if repair >= _REFINE_AFTER:
-            mesher.refine(places if repair < _FLAT_AFTER else fine.vertices[np.isfinite(near)])
+            mesher.refine(fine.vertices[np.isfinite(near)])
         mended, before = np.concatenate([mended, places]), given
         if repair < _FLAT_AFTER:
             given = damp(given, near, _RADIUS_M, _FACTOR)

@@ -10,6 +10,7 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.geometry.facets.cut import cut_facets
 from pipeline.surface.mesh.lattice import ROOF, WALL
+from pipeline.volume.passages.arch import cut_as_seen
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.world.content import closed_volume
 
@@ -51,11 +52,11 @@ class FineRock:
         return share
 
 
-def refine(volume: VolumeFacets, spacing_m: float, roof_spacing_m: float) -> FineRock:
+def refine(volume: VolumeFacets, spacing_m: float, roof_spacing_m: float, seen: VolumeFacets | None = None) -> FineRock:
     """Cut the walls and roofs of a volume finely at their spacings, and its floors where they meet these.
 
     Facets thinner than 0.1 mm are merged before, but not across the floors' corners: rock may have no thickness there.
-    What is no floor is wall or roof by its slope.
+    What is no floor is wall or roof by its slope. Roofs are as they are `seen`, if they have an arch.
     """
     on_floor = np.zeros(len(volume.vertices), bool)
     on_floor[volume.faces[volume.label == FacetLabel.FLOOR]] = True
@@ -63,7 +64,11 @@ def refine(volume: VolumeFacets, spacing_m: float, roof_spacing_m: float) -> Fin
     down = _unit(merged.normals)[:, 2]
     piece = np.where(merged.label == FacetLabel.FLOOR, FLOOR, np.where(down > _ROOF_NZ, ROOF, WALL)).astype(np.uint8)
     apart_m = np.choose(piece, [spacing_m, roof_spacing_m, _FLOOR_M])
-    vertices, faces, facet = cut_facets(merged.vertices, merged.faces, apart_m)
+    mesh = merged.vertices, merged.faces
+    if seen is None:
+        vertices, faces, facet = cut_facets(*mesh, apart_m)
+    else:
+        vertices, faces, facet = cut_as_seen(mesh, piece == ROOF, apart_m, volume, seen)
     faces, piece = faces[:, ::-1].astype(np.int32), piece[facet]
     links = _links(len(vertices), faces[piece != FLOOR])
     return FineRock(vertices, faces, piece, _directions(vertices, faces[piece != FLOOR], links, spacing_m), links)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from minexplore.floors.volume_arrays import VolumeFacets
+from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.surface.mesh.displacement import Room
 from pipeline.surface.mesh.walls import smoothstep
@@ -38,7 +38,8 @@ def room_about(rock: FineRock, volume: VolumeFacets, balls: Balls = NO_BALLS) ->
     scene = ray_scene(volume.vertices - middle, volume.faces, 1)
     radii, used = np.full((len(rock.vertices), 3), _FAR_M), np.flatnonzero(rock.direction.any(axis=1))
     asked = used[_last_in_cells(rock.vertices[used], rock.direction[used])]
-    radii[asked] = _radii(scene, rock.vertices[asked] - middle, rock.direction[asked])
+    floor = volume.label == FacetLabel.FLOOR
+    radii[asked] = _radii(scene, floor, rock.vertices[asked] - middle, rock.direction[asked])
     known = np.zeros(len(radii))
     known[asked] = 1.0
     for _ in range(_STEPS):
@@ -48,7 +49,7 @@ def room_about(rock: FineRock, volume: VolumeFacets, balls: Balls = NO_BALLS) ->
         radii[beside] = weight[beside, None] / sums[beside]
         known[beside] = 1.0
     rest = used[known[used] == 0]
-    radii[rest] = _radii(scene, rock.vertices[rest] - middle, rock.direction[rest])
+    radii[rest] = _radii(scene, floor, rock.vertices[rest] - middle, rock.direction[rest])
     half, free, behind = radii.T
     narrow = balls.narrowest
     if len(narrow.radii_m):
@@ -67,16 +68,20 @@ def _last_in_cells(places: np.ndarray, ways: np.ndarray) -> np.ndarray:
     return len(places) - 1 - np.unique(number[::-1], return_index=True)[1]
 
 
-def _radii(scene: Any, points: np.ndarray, inward: np.ndarray) -> np.ndarray:
-    """Return half width, ball in the workings and ball in the rock, (n, 3) m."""
-    free, along = _distances(scene, points, inward)
-    behind, _ = _distances(scene, points, -inward)
-    half = np.median((free * along)[:, _ACROSS], axis=1) / 2
+def _radii(scene: Any, floor: np.ndarray, points: np.ndarray, inward: np.ndarray) -> np.ndarray:
+    """Return half width, ball in the workings and ball in the rock, (n, 3) m.
+
+    Opposite a `floor` (f,), which does not move, a roof has the whole height to itself.
+    """
+    free, along, facet = _distances(scene, points, inward)
+    behind, _, _ = _distances(scene, points, -inward)
+    shared = np.where(np.append(floor, False)[np.minimum(facet, len(floor))], 1.0, 2.0)
+    half = np.median((free * along / shared)[:, _ACROSS], axis=1)
     return np.column_stack([half, (free / along).min(axis=1) / 2, (behind / along).min(axis=1) / 2])
 
 
-def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the distances (n, rays) m along the cones' rays, and the cosines (rays,) of their angles."""
+def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return distances (n, rays) m along the cones' rays, cosines (rays,) of their angles, and facets (n, rays)."""
     first = np.cross(ways, np.where(np.abs(ways[:, 2:]) < _STEEP, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]))
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
     second = np.cross(ways, first)
@@ -88,5 +93,7 @@ def _distances(scene: Any, points: np.ndarray, ways: np.ndarray) -> tuple[np.nda
             cosines.append(np.cos(tilt))
     starts = np.broadcast_to((points + _LIFT_M * ways)[:, None], (len(points), len(rays), 3))
     cast = np.concatenate([starts, np.stack(rays, axis=1)], axis=2).reshape(-1, 6).astype(np.float32)
-    hit = scene.cast_rays(cast, nthreads=1)["t_hit"].numpy().astype(np.float64)
-    return np.minimum(hit, _FAR_M).reshape(len(points), len(cosines)), np.array(cosines)
+    found, shape = scene.cast_rays(cast, nthreads=1), (len(points), len(cosines))
+    hit = found["t_hit"].numpy().astype(np.float64)
+    facet = found["primitive_ids"].numpy().astype(np.int64)  # where a ray hits nothing, beyond the last one
+    return np.minimum(hit, _FAR_M).reshape(shape), np.array(cosines), facet.reshape(shape)

@@ -43,7 +43,7 @@ def rock_names(files: Iterable[str]) -> list[str]:
     return [name for name in sorted(files) if name.startswith(MESHES) and not is_fitting(mesh_of(name))]
 
 
-def chunk_names(files: Bundle) -> list[str]:
+def chunk_names(files: Iterable[str]) -> list[str]:
     """Return the names of the visible meshes among a bundle's files."""
     return sorted(mesh_of(name) for name in files if name.startswith(MESHES))
 

@@ -6,21 +6,27 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from shapely.geometry.base import BaseGeometry
 
-from minexplore.bundle import GeomGroup
+from minexplore.bundle import GeomGroup, fitting_geom, is_fitting, mesh_file, surface_geom
 from minexplore.pictures.shown import shown_spec
 from minexplore.world import load_world
+from pipeline.mjcf.visible import VisibleMesh, hide_but, in_sight
 from pipeline.report.figures.views import View, draw_eyes
-from pipeline.types import Image
+from pipeline.store.codecs import decode
+from pipeline.types import Image, Mesh
 from pipeline.volume.world.record import VolumeRecord
+from pipeline.volume.world.surface.show import chunk_names
 from pipeline.volume.world.topology import LegNetwork
 
 _EYE_M, _EYE_SHARE = 1.0, 0.45  # over the floor, at most so much of the height
 _BACK_M, _WAYS = 6.0, 32
 
 
-def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork) -> Image:
+def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork, plan: BaseGeometry) -> Image:
     """Return robot-eye views side by side (600, 900 each, 3) uint8, BGR, of the bundle in a folder.
+
+    Only what may be in sight is compiled: the `plan` is that of all storeys, which lines of sight leave nowhere.
 
     Raises
     ------
@@ -28,10 +34,22 @@ def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork) -> I
         If the bundle is not allowed, or MuJoCo refuses it.
     """
     world = load_world(folder)
-    model, T = world.compile(shown_spec(world)), world.T_world_mine
     start = record.spawn.anchor_m + np.array([0.0, 0.0, _EYE_M])
+    beside, spec = _at_junction(legs), shown_spec(world)
+    hide_but(spec, in_sight(_visible(folder, record), plan, [start[:2], *(eye[:2] for eye, _ in beside)]))
+    model, T = world.compile(spec), world.T_world_mine
     ahead = _farthest(model, (T @ [*start, 1.0])[:3])  # a volume is not turned in its world
-    return draw_eyes(model, T, [(start, start + ahead), *_at_junction(legs)])
+    return draw_eyes(model, T, [(start, start + ahead), *beside])
+
+
+def _visible(folder: Path, record: VolumeRecord) -> dict[str, VisibleMesh]:
+    """Return the visible rock and the furniture by the names of their geoms."""
+    found = {}
+    for name in chunk_names(record.files):
+        mesh = decode(folder / mesh_file(name), Mesh)
+        geom = fitting_geom(name) if is_fitting(name) else surface_geom(name)
+        found[geom] = VisibleMesh(GeomGroup.ROUGH_SURFACE, mesh.vertices, mesh.faces, np.eye(3), np.zeros(3))
+    return found
 
 
 def _farthest(model: mujoco.MjModel, eye: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ import re
 import mujoco
 import numpy as np
 import pytest
+import shapely
 import trimesh
 from scipy.spatial import cKDTree
 
@@ -235,14 +236,13 @@ def test_floors_have_the_texture_of_their_places_and_the_colour_of_their_zone(bo
 def test_a_robot_sees_rock_where_it_starts_and_at_the_junction(tmp_path):
     rocky = with_rock(TEE, tmp_path) / "rocky"
     opened = open_volume(rocky)
-    views = draw_volume_views(rocky, opened.record, opened.legs)
+    floors = opened.mine.vertices[opened.mine.faces[opened.mine.label == FacetLabel.FLOOR]]
+    plan = shapely.union_all(shapely.polygons(floors[:, :, :2]))
+    views = draw_volume_views(rocky, opened.record, opened.legs, plan)
     assert views.shape == (600, 1800, 3)
     assert all(half.std() > 5 for half in np.hsplit(views, 2))
-    assert draw_volume_views(rocky, opened.record, dataclasses.replace(opened.legs, junctions=[])).shape == (
-        600,
-        900,
-        3,
-    )
+    alone = dataclasses.replace(opened.legs, junctions=[])
+    assert draw_volume_views(rocky, opened.record, alone, plan).shape == (600, 900, 3)
 
 
 def test_a_light_preset_gives_a_volume_no_visible_rock(box):
