@@ -26,53 +26,10 @@ from minexplore.volume.flat import FlatFloors, FlatTile
 from minexplore.volume.rock import add_part, bits_of
 from minexplore.world import World
 
-
-def clip_convex(corners_m: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
-    """Return the corners (k, 3) m of a convex part that is cut to a box from `low_m` (3,) to `high_m` (3,).
-
-    Each plane keeps the corners before it. Where it cuts the part, the section is the hull of all segments' crossings
-    from a corner before it to one behind it. There are no corners left if the part is outside.
-    """
-    for axis in range(3):
-        for limit, sign in ((low_m[axis], 1.0), (high_m[axis], -1.0)):
-            depth = sign * (corners_m[:, axis] - limit)
-            if (depth >= 0).all():
-                continue
-            inner, outer = corners_m[depth >= 0], corners_m[depth < 0]
-            if not len(inner):
-                return inner
-            near, far = depth[depth >= 0][:, None, None], -depth[depth < 0][None, :, None]
-            crossing = (inner[:, None] * far + outer[None] * near) / (near + far)
-            section = crossing.reshape(-1, 3)
-            section[:, axis] = limit
-            corners_m = np.concatenate([inner, section[_hull(np.delete(section, axis, axis=1))]])
-    return corners_m
-
-
-def _hull(places: np.ndarray) -> list[int]:
-    """Return which of places (n, 2) are corners of their hull (Andrew's monotone chain)."""
-    points = places.tolist()
-    order = sorted(range(len(points)), key=points.__getitem__)
-    found: list[int] = []
-    for way in (order, order[::-1]):
-        chain: list[int] = []
-        for k in way:
-            while len(chain) > 1 and _turn(points[chain[-2]], points[chain[-1]], points[k]) <= 0:
-                chain.pop()
-            chain.append(k)
-        found += chain[:-1] if len(chain) > 1 else chain
-    return list(dict.fromkeys(found))
-
-
-def _turn(a: list[float], b: list[float], c: list[float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
 TILE_M, EXACT_TILE_M = (2.0, 1.0), (1.0, 0.5)  # width and height of a tile: with half of each, more models are made
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
 _ABOVE_M = 0.25  # beyond a robot's radius: what it can touch over its axle in one control step, in any position
 _GRAVITY_MPS2 = 9.81
-_SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
 FEET = ("left", "right", "front", "rear")
 _FOOT_BITS = (8, 16, 32, 64)
 _HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the plane's disc
@@ -210,14 +167,12 @@ class VolumeModels:
         return [self._zones[zone].friction, 0.005, 0.0001]
 
     def _within(self, number: int, on_parts: int) -> Iterator[tuple[str, np.ndarray, int]]:
-        """Yield name, corners and bits of the parts of a tile's model, cut to what is in reach."""
+        """Yield name, corners and bits of the parts in reach of a tile's robot."""
         low, high = self._reach(number, on_parts)
         bit = ROCK_BIT | FLOOR_BIT if on_parts else ROCK_BIT
         near = ((self._low < high) & (self._high > low)).all(axis=1) & (self._bits & bit != 0)
         for k in np.flatnonzero(near).tolist():
-            corners = clip_convex(self._parts[k], low, high)
-            if len(corners) > 3 and np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _SLIVER_M:
-                yield f"part_{k}", corners, int(self._bits[k] & bit)
+            yield f"part_{k}", self._parts[k], int(self._bits[k] & bit)
 
     def _reach(self, number: int, on_parts: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest corner (3,) m of the box that a robot in a tile can reach in one step."""

@@ -119,14 +119,17 @@ def bent_floor():
 def test_a_plane_knows_how_far_it_is_from_a_floor_that_turns_between_two_samples():
     facets = bent_floor()
     creases = Creases(facets)
-    places = creases.within(np.array([-1.0, -1.0]), np.array([1.0, 1.0]), 0.0)
-    assert places[:, 0] == pytest.approx(np.full(len(places), 0.02))
-    assert np.diff(np.sort(places[:, 1])).max() <= 0.05 + 1e-9
+    north = np.linspace(-1.5, 1.5, 30)
+    nodes, level = np.column_stack([np.full(30, -0.1), north]), np.tile([0.0, 0.0, 0.0], (30, 1))
+    level[:, 2] = north  # the lines of a floor at 0 are so far from level planes at these heights
+    assert creases.farthest_m(nodes, level, np.zeros(30), 0.125, 0.2) == pytest.approx(np.abs(north))
+    assert (creases.farthest_m(nodes, level, np.zeros(30), 0.115, 0.2) == 0).all()
+    assert (creases.farthest_m(nodes, level, np.full(30, 0.3), 0.125, 0.2) == 0).all()
     turn = np.array([[[0.02, 0.0]]])
     foot, speed, body = np.zeros((1, 1, 2)), np.zeros((1, 1)), np.array([[0.0, 0.0, 0.165]])
     found = FloorPlanes(FloorColumns(facets), creases).under(body, foot, speed)
     assert found.error_m[0, 0] >= abs(found.heights(turn)[0, 0]) - 1e-6
-    creases._places = np.zeros((0, 3))
+    creases._places, creases._square = np.zeros((0, 3)), np.zeros(0, np.int64)
     blind = FloorPlanes(FloorColumns(facets), creases).under(body, foot, speed)
     assert blind.error_m[0, 0] < abs(blind.heights(turn)[0, 0]) - 1e-4
 
