@@ -35,8 +35,11 @@ class FlatTile:
 def plane_quaternions(planes: np.ndarray) -> np.ndarray:
     """Return quaternions (..., 4), w first, that turn up to the normals of planes (..., 3): slopes, and a height."""
     a, b = planes[..., 0], planes[..., 1]
-    found: np.ndarray = np.stack([1 + np.sqrt(1 + a * a + b * b), b, -a, np.zeros_like(a)], axis=-1)
-    found /= np.sqrt((found**2).sum(axis=-1, keepdims=True))
+    slope = a * a + b * b
+    w = 1 + np.sqrt(1 + slope)
+    size = np.sqrt(w * w + slope)
+    found = np.zeros((*a.shape, 4))
+    found[..., 0], found[..., 1], found[..., 2] = w / size, b / size, -a / size
     return found
 
 

@@ -21,6 +21,7 @@ from minexplore.world import World
 
 _UNKNOWN = -1
 _LOOK_M = 0.3  # over a place: a floor there is at or under it
+_BOTH = np.array([1.0, -1.0])  # sides
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -59,7 +60,7 @@ class VolumeGround:
         flat = self.models.flat_tiles(self.anchor_m[None] + [0.0, 0.0, self.robot.wheel_radius_m])[0]
         if self.models.is_level:
             return np.array([flat[0], 0])
-        number = self.models.number_of(self.anchor_m[None], not self.models.has_planes)
+        number = self.models.numbers_of(self.anchor_m[None], np.array([not self.models.has_planes]))
         on_parts = np.zeros(1, int) if self.models.has_planes else np.full(1, (1 << len(FEET)) - 1)
         return np.append(number, code_of(on_parts, np.zeros((1, 2), int)))
 
@@ -93,22 +94,27 @@ class VolumeGround:
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the models (k, 2) to step robots (k,) at places (k, 3) m in."""
         tiles = self.models.flat_tiles(places_m)
-        if (tiles != NONE).all():
+        own = (tiles[:, 1] == NONE).nonzero()[0]  # their number is none then too, or their wheels are in two zones
+        if not len(own):
             return tiles
-        own = np.flatnonzero((tiles == NONE).any(axis=1))
-        zones = self._wheel_zones(places_m[own], stepper.qpos[robots[own], 3:7])
-        tiles[own, 1] = code_of(np.zeros(len(own), int), zones)
+        robots, places_m = robots[own], places_m[own]
+        axes = rotation_matrices(stepper.qpos[robots, 3:7])
+        zones = self._wheel_zones(places_m, axes)
         uneven = tiles[own, 0] == NONE
-        if uneven.any():
-            own = own[uneven]
-            tiles[own] = self._on_planes(stepper, robots[own], places_m[own], zones[uneven])
+        if np.count_nonzero(uneven) == len(own):
+            tiles[own] = self._on_planes(stepper, robots, places_m, axes, zones)
+            return tiles
+        tiles[own, 1] = code_of(np.zeros(len(own), int), zones)
+        if np.count_nonzero(uneven):
+            given = (array[uneven] for array in (robots, places_m, axes, zones))
+            tiles[own[uneven]] = self._on_planes(stepper, *given)
         return tiles
 
     def _on_planes(
-        self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray, zones: np.ndarray
+        self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray, axes: np.ndarray, zones: np.ndarray
     ) -> np.ndarray:
         """Set the boxes under the feet of robots whose floor is not one plane; return their models (k, 2)."""
-        choice = self._chooser.choose(places_m, stepper.qpos[robots, 3:7], stepper.qvel[robots, :6], zones)
+        choice = self._chooser.choose(places_m, axes, stepper.qvel[robots, :6], zones)
         if self.models.has_planes:
             where, how = self._addresses or self._find_addresses(stepper)
             moved = choice.places + np.where(choice.on_plane[..., None], self.T_world_mine[:3, 3], 0.0)
@@ -126,17 +132,16 @@ class VolumeGround:
         self._addresses = np.flatnonzero(state == np.pi), np.flatnonzero(state == np.e)
         return self._addresses
 
-    def _wheel_zones(self, places_m: np.ndarray, quat: np.ndarray) -> np.ndarray:
-        """Return the numbers (k, 2) of the zones that the wheels of robots are in."""
-        left = rotation_matrices(quat)[:, 0, 1] * (self.robot.between_sides_m / 2)
-        east = np.stack([places_m[:, 0] + left, places_m[:, 0] - left], axis=1)
-        return self.world.zones_at(east.ravel()).reshape(-1, 2)
+    def _wheel_zones(self, places_m: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        """Return the numbers (k, 2) of the zones that the wheels of robots are in; axes (k, 3, 3) are columns."""
+        left = axes[:, 0, 1] * (self.robot.between_sides_m / 2)
+        return self.world.zones_at(places_m[:, :1] + left[:, None] * _BOTH)
 
     def prepare_team(
         self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
     ) -> None:
         """Give the wheels of a team's robots at places (n, 3) m the friction of their zones."""
-        for name, zones in zip(names, self._wheel_zones(places_m, quat).tolist(), strict=True):
+        for name, zones in zip(names, self._wheel_zones(places_m, rotation_matrices(quat)).tolist(), strict=True):
             for wheels, zone in zip(self.robot.SIDES, zones, strict=True):
                 for wheel in wheels:
                     model.geom(f"{name}_{wheel}").friction = self.models.friction_of(zone)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import mujoco
@@ -82,7 +83,7 @@ class VolumeModels:
         self._bits = bits_of(self._parts)
         self._zones = world.active_zones(task.terrain)
         exact_tile_m = exact_tile_m or (EXACT_TILE_M if self.has_planes else TILE_M)
-        self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
+        self._sides = {False: (TILE_M[0], *TILE_M), True: (exact_tile_m[0], *exact_tile_m)}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
         self._flat: dict[int, FlatTile] = {}  # by number
@@ -92,21 +93,26 @@ class VolumeModels:
         """Return the models (n, 2) that were chosen: the number of a tile, and a code, see `code_of`."""
         return chosen
 
-    def number_of(self, places_m: np.ndarray, is_exact: bool) -> np.ndarray:
-        """Return the numbers (n,) of the tiles that places (n, 3) m, mine frame, are in; a whole mine has one."""
+    def numbers_of(self, places_m: np.ndarray, is_exact: np.ndarray) -> np.ndarray:
+        """Return the numbers (n,) of the tiles that places (n, 3) m, mine frame, are in; a whole mine has one.
+
+        `is_exact` (n,) says in which the floor's parts count: these tiles are of another size.
+        """
         if self.whole:
             return np.full(len(places_m), _WHOLE)
-        return np.array([self._numbered(row, is_exact) for row in self._rows(places_m, is_exact)], dtype=int)
+        rows = zip(places_m.tolist(), is_exact.tolist(), strict=True)
+        return np.array([self._numbered(self._row_of(place, exact), exact) for place, exact in rows], dtype=int)
 
-    def _rows(self, places_m: np.ndarray, is_exact: bool) -> list[tuple[int, int, int]]:
-        return [(x, y, z) for x, y, z in np.floor(places_m / self._side[is_exact]).astype(int).tolist()]
+    def _row_of(self, place_m: list[float], is_exact: bool) -> tuple[int, int, int]:
+        (x, y, z), (east, north, up) = place_m, self._sides[is_exact]
+        return math.floor(x / east), math.floor(y / north), math.floor(z / up)
 
     def _numbered(self, row: tuple[int, int, int], is_exact: bool) -> int:
         """Return the number of a tile, which is new the first time."""
         number = self._number[is_exact].setdefault(row, len(self._boxes))
         if number == len(self._boxes):
-            low = np.array(row) * self._side[is_exact]
-            self._boxes.append((low, low + self._side[is_exact]))
+            side = np.array(self._sides[is_exact])
+            self._boxes.append((row * side, row * side + side))
         return number
 
     def flat_tiles(self, places_m: np.ndarray) -> np.ndarray:
@@ -116,7 +122,7 @@ class VolumeModels:
         """
         if self.whole:
             return np.full((len(places_m), 2), NONE)
-        rows = self._rows(places_m, False)
+        rows = [self._row_of(place, False) for place in places_m.tolist()]
         return np.array([self._flat_choice.get(row) or self._look_at(row) for row in rows], dtype=int)
 
     def _look_at(self, row: tuple[int, int, int]) -> tuple[int, int]:

@@ -15,7 +15,7 @@ NODE_M = 0.05  # between the places that planes are kept for
 # A plane holds for a foot that stays within one of these distances of a node in a control step: half of its way at
 # these speeds at most, 0.035 m from the middle of the way to the nearest node, 0.04 m by braking or accelerating.
 REACHES_M = (0.12, 0.2)
-SPEEDS_MPS = (0.9, 2.0)
+SPEEDS_MPS = np.array([0.9, 2.0])
 TOLERANCE_M = 0.005  # of the floor from a plane: the floor follows the survey within 4 mm, of which 1 cm is allowed
 _AROUND_M = 0.6  # of a tile: feet of a robot that begins a control step on it
 _LEDGE_M = 0.2  # higher ledges stop the chassis, whose lower edge is 0.13 m over the floor
@@ -94,21 +94,22 @@ class FloorPlanes:
         """
         rows = np.floor(bodies_m / _SIDE_M)
         slots = self._slots([(x, y, z) for x, y, z in rows.astype(int).tolist()])
-        first = (rows * _SIDE_M)[:, None, :2] - _AROUND_M
+        first = self._first[slots, None, :2]
         at = np.rint((feet_m - first) / NODE_M).astype(int)
-        outside = ((at < 0) | (at >= _NODES)).any(axis=2)
-        at = np.clip(at, 0, _NODES - 1)
-        reach = np.searchsorted(SPEEDS_MPS, speed_mps)
-        outside |= reach == len(SPEEDS_MPS)
-        reach = np.minimum(reach, len(SPEEDS_MPS) - 1)
+        reach = SPEEDS_MPS.searchsorted(speed_mps)
+        # Seen as a number without sign, one below zero is beyond any end.
+        outside = (at.view(np.uint64) >= _NODES).any(axis=2) | (reach == len(SPEEDS_MPS))
+        if np.count_nonzero(outside):
+            at[outside], reach[outside] = 0, 0
         place = slots[:, None], at[..., 1], at[..., 0], reach
         found = self._planes[place]
         absent = np.isnan(found[..., 3])
-        if absent.any():
+        if np.count_nonzero(absent):
             self._make(np.broadcast_to(slots[:, None], absent.shape)[absent], at[absent], reach[absent])
             found = self._planes[place]
         found = found.astype(float)
-        return FootPlanes(found[..., :3], first + at * NODE_M, np.where(outside, np.inf, found[..., 3]))
+        found[outside, 3] = np.inf
+        return FootPlanes(found[..., :3], first + at * NODE_M, found[..., 3])
 
     def _slots(self, rows: list[tuple[int, int, int]]) -> np.ndarray:
         """Return the slots (n,) of tiles, which are looked at if they are new."""
