@@ -75,11 +75,11 @@ class VolumeModels:
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine
         self._floors = FlatFloors(world.volume.facets)
-        self.is_level = not whole and self._floors.level_m is not None
+        self.is_level = not whole and self._floors.level is not None
         # Another robot has other feet.
         self.has_planes = not whole and not self.is_level and type(robot).attach is RobotParams.attach
         self._parts = world.volume.parts
-        self._low, self._high = self._parts.boxes_m
+        self._low, self._high = (np.ascontiguousarray(side.T) for side in self._parts.boxes_m)
         self._bits = bits_of(self._parts)
         self._zones = world.active_zones(task.terrain)
         exact_tile_m = exact_tile_m or (EXACT_TILE_M if self.has_planes else TILE_M)
@@ -87,6 +87,7 @@ class VolumeModels:
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
         self._flat: dict[int, FlatTile] = {}  # by number
+        self._alike: dict[tuple[int, ...], int] = {}  # of a level mine: the first tile, by number, with these parts
         self._flat_choice: dict[tuple[int, ...], tuple[int, int]] = {}  # see `flat_tiles`
 
     def tiles_of(self, chosen: np.ndarray) -> np.ndarray:
@@ -133,6 +134,8 @@ class VolumeModels:
         choice = (NONE, NONE)
         if flat is not None:
             self._flat[number] = flat
+            if self.is_level:  # they differ by their walls alone
+                number = self._alike.setdefault(tuple(self._parts_within(low, high, ROCK_BIT)), number)
             choice = number, int(code_of(np.zeros(1, int), zones[None])[0]) if zones[0] == zones[1] else NONE
         self._flat_choice[row] = choice
         return choice
@@ -163,7 +166,7 @@ class VolumeModels:
             add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
         flat = self._flat.get(number)
         if flat is not None:
-            flat.add_to(mine, TILE_M[0] + self.robot.radius_m)
+            flat.add_to(mine)
         for name in robots:
             self._add_robot(spec, name, code, has_boxes, flat is not None)
         return spec
@@ -176,9 +179,14 @@ class VolumeModels:
         """Yield name, corners and bits of the parts in reach of a tile's robot."""
         low, high = self._reach(number, on_parts)
         bit = ROCK_BIT | FLOOR_BIT if on_parts else ROCK_BIT
-        near = ((self._low < high) & (self._high > low)).all(axis=1) & (self._bits & bit != 0)
-        for k in np.flatnonzero(near).tolist():
+        for k in self._parts_within(low, high, bit):
             yield f"part_{k}", self._parts[k], int(self._bits[k] & bit)
+
+    def _parts_within(self, low: np.ndarray, high: np.ndarray, bit: int) -> list[int]:
+        """Return the numbers of parts of some bits in a box from `low` (3,) to `high` (3,) m."""
+        near = ((self._low < high[:, None]) & (self._high > low[:, None])).all(axis=0)
+        found: list[int] = (near & (self._bits & bit != 0)).nonzero()[0].tolist()
+        return found
 
     def _reach(self, number: int, on_parts: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest corner (3,) m of the box that a robot in a tile can reach in one step."""
