@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import floor
+
 import mujoco
 import numpy as np
 
@@ -39,7 +41,7 @@ class VolumeGround:
         except ValueError as error:
             raise ValueError(f"{world.folder}: {error}") from error
         usable = np.flatnonzero(spans.storey >= 0)
-        self._origin_m, self._cell_m = spans.origin_m, spans.cell_m
+        self._origin_m, self._cell_m = spans.origin_m.tolist(), spans.cell_m
         self._in_column: dict[tuple[int, int], list[tuple[float, int]]] = {}  # heights and numbers of spans
         rows = np.column_stack([spans.column, spans.row])[usable].tolist()
         for (column, row), floor_m, span in zip(rows, spans.floor_m[usable].tolist(), usable.tolist(), strict=True):
@@ -148,9 +150,11 @@ class VolumeGround:
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
-        cells = np.floor((places_m[:, :2] - self._origin_m) / self._cell_m).astype(int).tolist()
-        rows = zip(robots.tolist(), cells, places_m[:, 2].tolist(), strict=True)
-        spans = [self._span_under(robot, (cell[0], cell[1]), z) for robot, cell, z in rows]
+        (west, south), cell_m = self._origin_m, self._cell_m
+        rows = zip(robots.tolist(), places_m.tolist(), strict=True)
+        spans = np.array(
+            [self._span_under(k, (floor((x - west) / cell_m), floor((y - south) / cell_m)), z) for k, (x, y, z) in rows]
+        )
         return {"floor": self._storey[spans], "leg": self._leg_of(spans)}
 
     def _span_under(self, robot: int, cell: tuple[int, int], height_m: float) -> int:
@@ -161,10 +165,12 @@ class VolumeGround:
         found: int = self._span[robot]
         return found
 
-    def _leg_of(self, spans: list[int]) -> np.ndarray:
-        """Return the legs (k,) whose floors are in the middles of spans; each is looked for once."""
-        unknown = [span for span in dict.fromkeys(spans) if self._leg[span] == _UNKNOWN]
-        if unknown:
+    def _leg_of(self, spans: np.ndarray) -> np.ndarray:
+        """Return the legs (k,) whose floors are in the middles of spans (k,); each is looked for once."""
+        found = self._leg[spans]
+        unknown = spans[found == _UNKNOWN]
+        if len(unknown):
             places = self.world.volume.spans.places_m[unknown] + [0.0, 0.0, _LOOK_M]  # type: ignore[union-attr]
             self._leg[unknown] = self._facets.leg[np.maximum(self._columns.facets_under(places), 0)]
-        return self._leg[spans]
+            found = self._leg[spans]
+        return found
