@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import floor
-
 import mujoco
 import numpy as np
 
@@ -18,7 +16,7 @@ from minexplore.volume.columns import FloorColumns
 from minexplore.volume.creases import Creases
 from minexplore.volume.models import FEET, NONE, VolumeModels, code_of
 from minexplore.volume.planes import FloorPlanes
-from minexplore.volume.standing import standing_spans
+from minexplore.volume.standing import keys_of, standing_spans
 from minexplore.world import World
 
 _UNKNOWN = -1
@@ -40,13 +38,13 @@ class VolumeGround:
             self._standing = standing_spans(spans, robot, self.anchor_m)
         except ValueError as error:
             raise ValueError(f"{world.folder}: {error}") from error
+        self._origin_m, self._cell_m = spans.origin_m, spans.cell_m
         usable = np.flatnonzero(spans.storey >= 0)
-        self._origin_m, self._cell_m = spans.origin_m.tolist(), spans.cell_m
-        self._in_column: dict[tuple[int, int], list[tuple[float, int]]] = {}  # heights and numbers of spans
-        rows = np.column_stack([spans.column, spans.row])[usable].tolist()
-        for (column, row), floor_m, span in zip(rows, spans.floor_m[usable].tolist(), usable.tolist(), strict=True):
-            self._in_column.setdefault((column, row), []).append((floor_m, span))
-        self._span = [int(usable[0])] * count  # under each robot
+        keys = keys_of(spans.column[usable], spans.row[usable])
+        order = np.argsort(keys, kind="stable")
+        # By columns: their keys, and the spans' heights, m, and numbers.
+        self._keys, self._spans, self._heights_m = keys[order], usable[order], spans.floor_m[usable[order]]
+        self._span = np.full(count, usable[0])  # under each robot
         self._storey, self._leg = spans.storey.astype(int), np.full(len(spans.storey), _UNKNOWN)
         near = np.hypot(*(spans.places_m[:, :2] - self.anchor_m[:2]).T) <= task.region_m
         self.grid = VolumeGrid(spans, self._standing & near, task.cell_m)
@@ -150,19 +148,18 @@ class VolumeGround:
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
-        (west, south), cell_m = self._origin_m, self._cell_m
-        rows = zip(robots.tolist(), places_m.tolist(), strict=True)
-        spans = np.array(
-            [self._span_under(k, (floor((x - west) / cell_m), floor((y - south) / cell_m)), z) for k, (x, y, z) in rows]
-        )
+        spans = self._spans_under(robots, places_m)
         return {"floor": self._storey[spans], "leg": self._leg_of(spans)}
 
-    def _span_under(self, robot: int, cell: tuple[int, int], height_m: float) -> int:
-        """Return a robot's span: the nearest in height of its column, or the one before if the column has none."""
-        own = self._in_column.get(cell)
-        if own is not None:
-            self._span[robot] = own[0][1] if len(own) == 1 else min(own, key=lambda span: abs(span[0] - height_m))[1]
-        found: int = self._span[robot]
+    def _spans_under(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return robots' spans (k,): of their columns the nearest in height, those before where columns have none."""
+        cells = np.floor((places_m[:, :2] - self._origin_m) / self._cell_m).astype(int)
+        keys = keys_of(cells[:, 0], cells[:, 1])
+        at, end = self._keys.searchsorted(keys), self._keys.searchsorted(keys, side="right")
+        for k in (end - at > 1).nonzero()[0].tolist():
+            at[k] += np.abs(self._heights_m[at[k] : end[k]] - places_m[k, 2]).argmin()
+        nearest = self._spans[np.minimum(at, len(self._spans) - 1)]
+        found = self._span[robots] = np.where(at < end, nearest, self._span[robots])
         return found
 
     def _leg_of(self, spans: np.ndarray) -> np.ndarray:

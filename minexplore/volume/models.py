@@ -113,7 +113,8 @@ class VolumeModels:
         number = self._number[is_exact].setdefault(row, len(self._boxes))
         if number == len(self._boxes):
             side = np.array(self._sides[is_exact])
-            self._boxes.append((row * side, row * side + side))
+            low = np.array(row) * side
+            self._boxes.append((low, low + side))
         return number
 
     def flat_tiles(self, places_m: np.ndarray) -> np.ndarray:
