@@ -43,8 +43,8 @@ control step.
 In a world that is one volume, each wheel has the friction of the zone that it is in when a control step begins. Each
 foot stands on a box whose top is the plane of the floor under it, set at the beginning of a control step, where that
 plane is within 5 mm of the floor as far as the foot reaches. Where it is not, as at edges and steps, the foot touches
-the parts of the floor themselves; so do all feet of a team, of another robot and with `whole`. Walls are cut to what
-the chassis can reach.
+the parts of the floor themselves; so do all feet of a team, of another robot and with `whole`. Of the walls there is
+what the chassis can reach.
 
 Places are in the robot's frame: origin midway between the wheels' centres, x ahead, z up. The bumper touches
 other robots.

@@ -56,7 +56,10 @@ class RockPart:
 
 
 class LocalModels:
-    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout."""
+    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout.
+
+    Tiles in whose reach the same parts are share a model: three in four of the default mine's.
+    """
 
     def __init__(self, world: World, task: TaskParams, robot: Robot, whole: bool = False) -> None:
         """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
@@ -78,12 +81,28 @@ class LocalModels:
 
             self.rough = read_rough_floor(world, self._spec)
         self._margin_m = robot.radius_m + task.max_forward_mps * task.control_s + MARGIN_M
+        self._alike: dict[Tile, Tile] = {}  # the first tile with the same contents
+        self._first: dict[tuple[str, ...], Tile] = {}  # by contents
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
-        """Return each place's tile (n, 2); a whole world has one."""
+        """Return the tiles (n, 2) whose models places (n, 2) m have: for each the first like its own.
+
+        A whole world has one.
+        """
         if self.whole:
             return np.zeros((len(xy), 2), dtype=int)
-        return tiles_at(xy, TILE_M)
+        tiles = [(x, y) for x, y in tiles_at(xy, TILE_M).tolist()]
+        return np.array([self._alike.get(tile) or self._look_at(tile) for tile in tiles], dtype=int).reshape(-1, 2)
+
+    def _look_at(self, tile: Tile) -> Tile:
+        """Return the first tile that has the same in reach as a new one."""
+        box = self._box(tile)
+        slabs = [geom.name for geom in self._slabs if _overlaps(geom, box.low, box.high)]
+        rough = self.rough.within(box.low, box.high) if self.rough else []
+        floors = [f"{part.name} {part.corner_m} {part.heights_m.shape}" for part in rough]
+        contents = *slabs, *floors, *(part.name for part in self._rock.within(box))
+        found = self._alike[tile] = self._first.setdefault(contents, tile)
+        return found
 
     def model(self, tile: Tile) -> mujoco.MjModel:
         """Compile the model of a tile: floor, roof, the parts that a robot in it can touch, and the robot.

@@ -70,13 +70,14 @@ class BoundedReader:
 
     def __init__(self, file: str) -> None:
         """Take the file's name, for messages."""
-        self.file, self._steps = file, list[str]()
+        self.file, self._steps = file, list[tuple[str, dict[str, str]]]()
         self._elements = self._attributes = 0
 
     @property
     def path(self) -> str:
         """Return the place in the file, for example `worldbody/body[mine]`; the root's own name is left out of it."""
-        return "/".join(self._steps[1:]) or self._steps[0]
+        names = [_shown(*step) for step in self._steps]
+        return "/".join(names[1:]) or names[0]
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """Count an element."""
@@ -88,8 +89,7 @@ class BoundedReader:
             raise BundleError(
                 f"{self.file}: more than {MOST_ELEMENTS} elements, or more than {_DEEPEST} within another"
             )
-        name = attributes.get("name", attributes.get("class", ""))
-        self._steps.append(f"{tag[:40]}[{name[:60]}]" if name else tag[:40])
+        self._steps.append((tag, attributes))
 
     def end(self, tag: str) -> None:
         """Leave an element."""
@@ -99,3 +99,9 @@ class BoundedReader:
         """Refuse all text but blanks."""
         if text.strip(" \t\r\n"):
             raise BundleError(f"{self.file}: {self.path}: text {text.strip()[:40]!r}; a world has none")
+
+
+def _shown(tag: str, attributes: dict[str, str]) -> str:
+    """Return an element as messages have it, with its name or class."""
+    name = attributes.get("name", attributes.get("class", ""))
+    return f"{tag[:40]}[{name[:60]}]" if name else tag[:40]

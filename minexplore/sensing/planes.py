@@ -21,7 +21,7 @@ def face_planes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return planes
 
 
-@np.errstate(divide="ignore", invalid="ignore")
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def plane_distances(
     planes: np.ndarray, faces: np.ndarray, origins: np.ndarray, directions: np.ndarray, found_m: np.ndarray
 ) -> np.ndarray:

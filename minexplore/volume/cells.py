@@ -38,7 +38,11 @@ class VolumeGrid:
         self.storey = spans.storey[standing][order][first]
         self.square = square[first]
         self._first = np.searchsorted(self.square, np.arange(self.shape[0] * self.shape[1] + 1)).astype(np.int32)
-        self._most = int(np.diff(self._first).max())
+        count = np.diff(self._first)[self.square]
+        number = np.arange(self.total)[:, None] + np.arange(int(count.max()))
+        own = self._first[self.square, None] + count[:, None] > number
+        # Of each cell and those over it in its square, inf beyond the last.
+        self._lows_m = np.where(own, self.low_m[np.minimum(number, self.total - 1)], np.inf)
         self._cell_at = self._cells_of_squares(spans)
 
     def _cells_of_squares(self, spans: FloorSpans) -> np.ndarray:
@@ -71,24 +75,21 @@ class VolumeGrid:
         piece &= row.view(np.uint64) < rows
         ray, square = piece.nonzero()[0], row[piece] * cols + col[piece]
         cell = self._cell_at[square]
-        several = np.flatnonzero(cell == _BY_HEIGHT)
+        several = (cell == _BY_HEIGHT).nonzero()[0]
         if len(several):
-            of, share = ray[several], middle[piece][several]
-            start_m = np.broadcast_to(starts_m, ends_m.shape)[of, 2]
-            cell[several] = self._cells_at(square[several], start_m + share * (ends_m[of, 2] - start_m))
+            of = ray[several]
+            start_m = starts_m[0, 2] if len(starts_m) == 1 else starts_m[of, 2]
+            cell[several] = self._cells_at(
+                square[several], start_m + middle[piece][several] * (ends_m[of, 2] - start_m)
+            )
         found = cell >= 0
         return ray[found], cell[found]
 
     def _cells_at(self, square: np.ndarray, z_m: np.ndarray) -> np.ndarray:
-        """Return the cells (n,) of squares at heights (n,) m, or `_NONE`."""
-        start, end = self._first[square], self._first[square + 1]
-        cell = np.full(len(square), _NONE)
-        for k in range(self._most):
-            at = np.flatnonzero(start + k < end)
-            number = start[at] + k
-            over = z_m[at] > self.low_m[number]
-            cell[at[over]] = number[over]
-        return np.where((cell >= 0) & (z_m < self.high_m[cell]), cell, _NONE)
+        """Return the cells (n,) of squares, which have some, at heights (n,) m, or `_NONE`."""
+        first = self._first[square]
+        cell = first + (z_m[:, None] > self._lows_m[first]).sum(axis=1) - 1
+        return np.where((cell >= first) & (z_m < self.high_m[cell]), cell, _NONE)
 
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return the squares (rows, cols) in which any of some cells, a mask (n,), lies."""

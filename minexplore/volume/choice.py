@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from minexplore.physics.robot import CASTOR_M
-from minexplore.rotations import rotation_matrices
 from minexplore.volume.flat import plane_quaternions
 from minexplore.volume.models import PARKED_M, VolumeModels, code_of
 from minexplore.volume.planes import TOLERANCE_M, FloorPlanes, FootPlanes
@@ -41,48 +40,57 @@ class PlaneChooser:
         self.models, self.planes, self.tolerance_m = models, planes, tolerance_m
         robot = models.robot
         half, end, castor = robot.between_sides_m / 2, robot.radius_m - CASTOR_M, CASTOR_M - robot.wheel_radius_m
-        self._feet = np.array([[0, half, 0], [0, -half, 0], [end, 0, castor], [-end, 0, castor]])
+        self._half_m, self._end_m, self._castor_m = half, end, castor
         self._radius = np.array([robot.wheel_radius_m] * 2 + [CASTOR_M] * 2)[:, None]
+        self._bits = 1 << np.arange(len(PARKED_M))
 
     def feet_of(self, places_m: np.ndarray, axes: np.ndarray) -> np.ndarray:
-        """Return the lowest places (n, 4, 3) m of the feet of robots (n, 3) m that stand on a plane."""
-        found: np.ndarray = places_m[:, None] + self._arms(axes) - self._radius * axes[:, None, :, 2]
+        """Return the lowest places (n, 4, 3) m of the feet of robots (n, 3) m that stand on a plane; see `choose`."""
+        return self._under(places_m, self._arms(axes), axes)
+
+    def _under(self, places_m: np.ndarray, arms: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        found: np.ndarray = places_m[:, None] + arms - self._radius * axes[:, None, :, 2]
         return found
 
     def _arms(self, axes: np.ndarray) -> np.ndarray:
-        """Return from each robot's place to the middles of its feet (n, 4, 3) m; sums in a fixed order."""
-        found: np.ndarray = sum(  # type: ignore[assignment]
-            self._feet[None, :, k, None] * axes[:, None, :, k] for k in range(3)
-        )
+        """Return from each robot's place to the middles of its feet (n, 4, 3) m."""
+        ahead, aside, up = self._end_m * axes[..., 0], self._half_m * axes[..., 1], self._castor_m * axes[..., 2]
+        found = np.empty((len(axes), len(PARKED_M), 3))
+        found[:, 0], found[:, 1], found[:, 2], found[:, 3] = aside, -aside, up + ahead, up - ahead
         return found
 
-    def choose(self, places_m: np.ndarray, quat: np.ndarray, qvel: np.ndarray, zones: np.ndarray) -> StepChoice:
+    def choose(self, places_m: np.ndarray, axes: np.ndarray, qvel: np.ndarray, zones: np.ndarray) -> StepChoice:
         """Return the choice for robots.
 
         Parameters
         ----------
-        places_m, quat : (n, 3) m, (n, 4)
-            Of their free joints, mine frame.
+        places_m : (n, 3) float64, m, mine frame
+            Of their free joints.
+        axes : (n, 3, 3) float64
+            Their axes ahead, to the left and up as columns, mine frame.
         qvel : (n, 6)
             Their speeds, m/s, and turn rates in the robots' own frames, rad/s.
         zones : (n, 2) int
             The floor zones of their left and right wheels.
         """
-        axes = rotation_matrices(quat)
         if not self.models.has_planes:
             return self._on_parts(places_m, zones)
-        arms, foot = self._arms(axes), self.feet_of(places_m, axes)
-        spin = sum(axes[:, None, :, k] * qvel[:, None, 3 + k, None] for k in range(3))
-        speed = qvel[:, None, :2] + spin[..., [1, 2]] * arms[..., [2, 0]] - spin[..., [2, 0]] * arms[..., [1, 2]]
+        arms = self._arms(axes)
+        foot = self._under(places_m, arms, axes)
+        spin = axes[..., 0] * qvel[:, 3:4] + axes[..., 1] * qvel[:, 4:5] + axes[..., 2] * qvel[:, 5:6]
+        speed = np.empty((*foot.shape[:2], 2))
+        speed[..., 0] = qvel[:, :1] + spin[:, 1:2] * arms[..., 2] - spin[:, 2:] * arms[..., 1]
+        speed[..., 1] = qvel[:, 1:2] + spin[:, 2:] * arms[..., 0] - spin[:, :1] * arms[..., 2]
         fast = np.sqrt(speed[..., 0] ** 2 + speed[..., 1] ** 2)
         under = self.planes.under(places_m, foot[..., :2] + speed * (self.models.task.control_s / 2), fast)
         gap = foot[..., 2] - under.heights(foot[..., :2])
         good = (under.error_m <= self.tolerance_m) & (np.abs(gap) < _GAP_M)
         good &= ((axes[:, 2, 2] > _LEAN) & (np.abs(qvel[:, 2]) < _RISE_MPS))[:, None]
-        places = np.concatenate([under.nodes_m, under.plane[..., 2:]], axis=2)
-        places[~good] = np.broadcast_to(PARKED_M, places.shape)[~good]
-        turn = plane_quaternions(under.plane)
-        return StepChoice(self._tiles(places_m, good, zones), places, turn, good, under)
+        places = np.empty(foot.shape)
+        places[..., :2], places[..., 2] = under.nodes_m, under.plane[..., 2]
+        if np.count_nonzero(good) < good.size:
+            places = np.where(good[..., None], places, PARKED_M)
+        return StepChoice(self._tiles(places_m, good, zones), places, plane_quaternions(under.plane), good, under)
 
     def _on_parts(self, places_m: np.ndarray, zones: np.ndarray) -> StepChoice:
         """Return the choice for robots whose feet all touch the floor's parts."""
@@ -94,10 +102,7 @@ class PlaneChooser:
         return StepChoice(self._tiles(places_m, good, zones), places, turn, good, under)
 
     def _tiles(self, places_m: np.ndarray, good: np.ndarray, zones: np.ndarray) -> np.ndarray:
-        tiles = np.zeros((len(places_m), 2), dtype=int)
-        on_parts = (~good * (1 << np.arange(good.shape[1]))).sum(axis=1)
-        tiles[:, 1] = code_of(on_parts, zones)
-        for is_exact in (False, True):
-            those = (on_parts > 0) == is_exact
-            tiles[those, 0] = self.models.number_of(places_m[those], is_exact)
+        on_parts = (~good * self._bits).sum(axis=1)
+        tiles = np.empty((len(places_m), 2), dtype=int)
+        tiles[:, 0], tiles[:, 1] = self.models.numbers_of(places_m, on_parts > 0), code_of(on_parts, zones)
         return tiles

@@ -33,7 +33,7 @@ class FloorColumns:
         self.normals = normal
         self._level = np.flatnonzero(np.abs(normal[:, 2]) > _PLUMB * np.linalg.norm(normal, axis=1))
         corners = facets.vertices[facets.faces[self._level]]
-        self._low, self._high = corners[:, :, :2].min(axis=1), corners[:, :, :2].max(axis=1)
+        self._low, self._high = (side.T.copy() for side in (corners[..., :2].min(axis=1), corners[..., :2].max(axis=1)))
         self._corners, own = corners, normal[self._level]
         self._slope = -own[:, :2] / own[:, 2:]
         self.is_floor = normal[:, 2] < 0
@@ -45,7 +45,7 @@ class FloorColumns:
         self._near: dict[Tile, np.ndarray] = {}
 
     def _within(self, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
-        return np.flatnonzero(((self._low <= high_m) & (self._high >= low_m)).all(axis=1))
+        return np.flatnonzero(((self._low <= high_m[:, None]) & (self._high >= low_m[:, None])).all(axis=0))
 
     def _about(self, tile: Tile) -> np.ndarray:
         if tile not in self._near:

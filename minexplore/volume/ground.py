@@ -16,11 +16,12 @@ from minexplore.volume.columns import FloorColumns
 from minexplore.volume.creases import Creases
 from minexplore.volume.models import FEET, NONE, VolumeModels, code_of
 from minexplore.volume.planes import FloorPlanes
-from minexplore.volume.standing import standing_spans
+from minexplore.volume.standing import keys_of, standing_spans
 from minexplore.world import World
 
 _UNKNOWN = -1
 _LOOK_M = 0.3  # over a place: a floor there is at or under it
+_BOTH = np.array([1.0, -1.0])  # sides
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -37,13 +38,13 @@ class VolumeGround:
             self._standing = standing_spans(spans, robot, self.anchor_m)
         except ValueError as error:
             raise ValueError(f"{world.folder}: {error}") from error
-        usable = np.flatnonzero(spans.storey >= 0)
         self._origin_m, self._cell_m = spans.origin_m, spans.cell_m
-        self._in_column: dict[tuple[int, int], list[tuple[float, int]]] = {}  # heights and numbers of spans
-        rows = np.column_stack([spans.column, spans.row])[usable].tolist()
-        for (column, row), floor_m, span in zip(rows, spans.floor_m[usable].tolist(), usable.tolist(), strict=True):
-            self._in_column.setdefault((column, row), []).append((floor_m, span))
-        self._span = [int(usable[0])] * count  # under each robot
+        usable = np.flatnonzero(spans.storey >= 0)
+        keys = keys_of(spans.column[usable], spans.row[usable])
+        order = np.argsort(keys, kind="stable")
+        # By columns: their keys, and the spans' heights, m, and numbers.
+        self._keys, self._spans, self._heights_m = keys[order], usable[order], spans.floor_m[usable[order]]
+        self._span = np.full(count, usable[0])  # under each robot
         self._storey, self._leg = spans.storey.astype(int), np.full(len(spans.storey), _UNKNOWN)
         near = np.hypot(*(spans.places_m[:, :2] - self.anchor_m[:2]).T) <= task.region_m
         self.grid = VolumeGrid(spans, self._standing & near, task.cell_m)
@@ -59,7 +60,7 @@ class VolumeGround:
         flat = self.models.flat_tiles(self.anchor_m[None] + [0.0, 0.0, self.robot.wheel_radius_m])[0]
         if self.models.is_level:
             return np.array([flat[0], 0])
-        number = self.models.number_of(self.anchor_m[None], not self.models.has_planes)
+        number = self.models.numbers_of(self.anchor_m[None], np.array([not self.models.has_planes]))
         on_parts = np.zeros(1, int) if self.models.has_planes else np.full(1, (1 << len(FEET)) - 1)
         return np.append(number, code_of(on_parts, np.zeros((1, 2), int)))
 
@@ -93,22 +94,27 @@ class VolumeGround:
     def prepare(self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
         """Return the models (k, 2) to step robots (k,) at places (k, 3) m in."""
         tiles = self.models.flat_tiles(places_m)
-        if (tiles != NONE).all():
+        own = (tiles[:, 1] == NONE).nonzero()[0]  # their number is none then too, or their wheels are in two zones
+        if not len(own):
             return tiles
-        own = np.flatnonzero((tiles == NONE).any(axis=1))
-        zones = self._wheel_zones(places_m[own], stepper.qpos[robots[own], 3:7])
-        tiles[own, 1] = code_of(np.zeros(len(own), int), zones)
+        robots, places_m = robots[own], places_m[own]
+        axes = rotation_matrices(stepper.qpos[robots, 3:7])
+        zones = self._wheel_zones(places_m, axes)
         uneven = tiles[own, 0] == NONE
-        if uneven.any():
-            own = own[uneven]
-            tiles[own] = self._on_planes(stepper, robots[own], places_m[own], zones[uneven])
+        if np.count_nonzero(uneven) == len(own):
+            tiles[own] = self._on_planes(stepper, robots, places_m, axes, zones)
+            return tiles
+        tiles[own, 1] = code_of(np.zeros(len(own), int), zones)
+        if np.count_nonzero(uneven):
+            given = (array[uneven] for array in (robots, places_m, axes, zones))
+            tiles[own[uneven]] = self._on_planes(stepper, *given)
         return tiles
 
     def _on_planes(
-        self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray, zones: np.ndarray
+        self, stepper: PhysicsStepper, robots: np.ndarray, places_m: np.ndarray, axes: np.ndarray, zones: np.ndarray
     ) -> np.ndarray:
         """Set the boxes under the feet of robots whose floor is not one plane; return their models (k, 2)."""
-        choice = self._chooser.choose(places_m, stepper.qpos[robots, 3:7], stepper.qvel[robots, :6], zones)
+        choice = self._chooser.choose(places_m, axes, stepper.qvel[robots, :6], zones)
         if self.models.has_planes:
             where, how = self._addresses or self._find_addresses(stepper)
             moved = choice.places + np.where(choice.on_plane[..., None], self.T_world_mine[:3, 3], 0.0)
@@ -126,40 +132,42 @@ class VolumeGround:
         self._addresses = np.flatnonzero(state == np.pi), np.flatnonzero(state == np.e)
         return self._addresses
 
-    def _wheel_zones(self, places_m: np.ndarray, quat: np.ndarray) -> np.ndarray:
-        """Return the numbers (k, 2) of the zones that the wheels of robots are in."""
-        left = rotation_matrices(quat)[:, 0, 1] * (self.robot.between_sides_m / 2)
-        east = np.stack([places_m[:, 0] + left, places_m[:, 0] - left], axis=1)
-        return self.world.zones_at(east.ravel()).reshape(-1, 2)
+    def _wheel_zones(self, places_m: np.ndarray, axes: np.ndarray) -> np.ndarray:
+        """Return the numbers (k, 2) of the zones that the wheels of robots are in; axes (k, 3, 3) are columns."""
+        left = axes[:, 0, 1] * (self.robot.between_sides_m / 2)
+        return self.world.zones_at(places_m[:, :1] + left[:, None] * _BOTH)
 
     def prepare_team(
         self, model: mujoco.MjModel, names: tuple[str, ...], places_m: np.ndarray, quat: np.ndarray
     ) -> None:
         """Give the wheels of a team's robots at places (n, 3) m the friction of their zones."""
-        for name, zones in zip(names, self._wheel_zones(places_m, quat).tolist(), strict=True):
+        for name, zones in zip(names, self._wheel_zones(places_m, rotation_matrices(quat)).tolist(), strict=True):
             for wheels, zone in zip(self.robot.SIDES, zones, strict=True):
                 for wheel in wheels:
                     model.geom(f"{name}_{wheel}").friction = self.models.friction_of(zone)
 
     def info(self, robots: np.ndarray, places_m: np.ndarray) -> dict[str, np.ndarray]:
         """Return the storey and the leg under robots (k,) at places (k, 3) m."""
-        cells = np.floor((places_m[:, :2] - self._origin_m) / self._cell_m).astype(int).tolist()
-        rows = zip(robots.tolist(), cells, places_m[:, 2].tolist(), strict=True)
-        spans = [self._span_under(robot, (cell[0], cell[1]), z) for robot, cell, z in rows]
+        spans = self._spans_under(robots, places_m)
         return {"floor": self._storey[spans], "leg": self._leg_of(spans)}
 
-    def _span_under(self, robot: int, cell: tuple[int, int], height_m: float) -> int:
-        """Return a robot's span: the nearest in height of its column, or the one before if the column has none."""
-        own = self._in_column.get(cell)
-        if own is not None:
-            self._span[robot] = own[0][1] if len(own) == 1 else min(own, key=lambda span: abs(span[0] - height_m))[1]
-        found: int = self._span[robot]
+    def _spans_under(self, robots: np.ndarray, places_m: np.ndarray) -> np.ndarray:
+        """Return robots' spans (k,): of their columns the nearest in height, those before where columns have none."""
+        cells = np.floor((places_m[:, :2] - self._origin_m) / self._cell_m).astype(int)
+        keys = keys_of(cells[:, 0], cells[:, 1])
+        at, end = self._keys.searchsorted(keys), self._keys.searchsorted(keys, side="right")
+        for k in (end - at > 1).nonzero()[0].tolist():
+            at[k] += np.abs(self._heights_m[at[k] : end[k]] - places_m[k, 2]).argmin()
+        nearest = self._spans[np.minimum(at, len(self._spans) - 1)]
+        found = self._span[robots] = np.where(at < end, nearest, self._span[robots])
         return found
 
-    def _leg_of(self, spans: list[int]) -> np.ndarray:
-        """Return the legs (k,) whose floors are in the middles of spans; each is looked for once."""
-        unknown = [span for span in dict.fromkeys(spans) if self._leg[span] == _UNKNOWN]
-        if unknown:
+    def _leg_of(self, spans: np.ndarray) -> np.ndarray:
+        """Return the legs (k,) whose floors are in the middles of spans (k,); each is looked for once."""
+        found = self._leg[spans]
+        unknown = spans[found == _UNKNOWN]
+        if len(unknown):
             places = self.world.volume.spans.places_m[unknown] + [0.0, 0.0, _LOOK_M]  # type: ignore[union-attr]
             self._leg[unknown] = self._facets.leg[np.maximum(self._columns.facets_under(places), 0)]
-        return self._leg[spans]
+            found = self._leg[spans]
+        return found

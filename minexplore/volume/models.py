@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import mujoco
@@ -26,53 +27,10 @@ from minexplore.volume.flat import FlatFloors, FlatTile
 from minexplore.volume.rock import add_part, bits_of
 from minexplore.world import World
 
-
-def clip_convex(corners_m: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
-    """Return the corners (k, 3) m of a convex part that is cut to a box from `low_m` (3,) to `high_m` (3,).
-
-    Each plane keeps the corners before it. Where it cuts the part, the section is the hull of all segments' crossings
-    from a corner before it to one behind it. There are no corners left if the part is outside.
-    """
-    for axis in range(3):
-        for limit, sign in ((low_m[axis], 1.0), (high_m[axis], -1.0)):
-            depth = sign * (corners_m[:, axis] - limit)
-            if (depth >= 0).all():
-                continue
-            inner, outer = corners_m[depth >= 0], corners_m[depth < 0]
-            if not len(inner):
-                return inner
-            near, far = depth[depth >= 0][:, None, None], -depth[depth < 0][None, :, None]
-            crossing = (inner[:, None] * far + outer[None] * near) / (near + far)
-            section = crossing.reshape(-1, 3)
-            section[:, axis] = limit
-            corners_m = np.concatenate([inner, section[_hull(np.delete(section, axis, axis=1))]])
-    return corners_m
-
-
-def _hull(places: np.ndarray) -> list[int]:
-    """Return which of places (n, 2) are corners of their hull (Andrew's monotone chain)."""
-    points = places.tolist()
-    order = sorted(range(len(points)), key=points.__getitem__)
-    found: list[int] = []
-    for way in (order, order[::-1]):
-        chain: list[int] = []
-        for k in way:
-            while len(chain) > 1 and _turn(points[chain[-2]], points[chain[-1]], points[k]) <= 0:
-                chain.pop()
-            chain.append(k)
-        found += chain[:-1] if len(chain) > 1 else chain
-    return list(dict.fromkeys(found))
-
-
-def _turn(a: list[float], b: list[float], c: list[float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
 TILE_M, EXACT_TILE_M = (2.0, 1.0), (1.0, 0.5)  # width and height of a tile: with half of each, more models are made
 _BAND_M = (-0.3, 0.45)  # of the chassis about the axle's height in one control step, leaning by 25 deg
 _ABOVE_M = 0.25  # beyond a robot's radius: what it can touch over its axle in one control step, in any position
 _GRAVITY_MPS2 = 9.81
-_SLIVER_M = 1e-6  # MuJoCo refuses a part that is thinner
 FEET = ("left", "right", "front", "rear")
 _FOOT_BITS = (8, 16, 32, 64)
 _HALF_M = (0.5, 0.5, 0.25)  # of a box whose top is a plane; it reaches beyond the plane's disc
@@ -117,39 +75,46 @@ class VolumeModels:
         self.world, self.task, self.robot, self.whole = world, task, robot, whole
         self.T_world_mine = world.T_world_mine
         self._floors = FlatFloors(world.volume.facets)
-        self.is_level = not whole and self._floors.level_m is not None
+        self.is_level = not whole and self._floors.level is not None
         # Another robot has other feet.
         self.has_planes = not whole and not self.is_level and type(robot).attach is RobotParams.attach
         self._parts = world.volume.parts
-        self._low, self._high = self._parts.boxes_m
+        self._low, self._high = (np.ascontiguousarray(side.T) for side in self._parts.boxes_m)
         self._bits = bits_of(self._parts)
         self._zones = world.active_zones(task.terrain)
         exact_tile_m = exact_tile_m or (EXACT_TILE_M if self.has_planes else TILE_M)
-        self._side = {k: np.array([side[0], *side]) for k, side in ((False, TILE_M), (True, exact_tile_m))}
+        self._sides = {False: (TILE_M[0], *TILE_M), True: (exact_tile_m[0], *exact_tile_m)}
         self._number: dict[bool, dict[tuple[int, int, int], int]] = {False: {}, True: {}}
         self._boxes: list[tuple[np.ndarray, np.ndarray]] = []
         self._flat: dict[int, FlatTile] = {}  # by number
+        self._alike: dict[tuple[int, ...], int] = {}  # of a level mine: the first tile, by number, with these parts
         self._flat_choice: dict[tuple[int, ...], tuple[int, int]] = {}  # see `flat_tiles`
 
     def tiles_of(self, chosen: np.ndarray) -> np.ndarray:
         """Return the models (n, 2) that were chosen: the number of a tile, and a code, see `code_of`."""
         return chosen
 
-    def number_of(self, places_m: np.ndarray, is_exact: bool) -> np.ndarray:
-        """Return the numbers (n,) of the tiles that places (n, 3) m, mine frame, are in; a whole mine has one."""
+    def numbers_of(self, places_m: np.ndarray, is_exact: np.ndarray) -> np.ndarray:
+        """Return the numbers (n,) of the tiles that places (n, 3) m, mine frame, are in; a whole mine has one.
+
+        `is_exact` (n,) says in which the floor's parts count: these tiles are of another size.
+        """
         if self.whole:
             return np.full(len(places_m), _WHOLE)
-        return np.array([self._numbered(row, is_exact) for row in self._rows(places_m, is_exact)], dtype=int)
+        rows = zip(places_m.tolist(), is_exact.tolist(), strict=True)
+        return np.array([self._numbered(self._row_of(place, exact), exact) for place, exact in rows], dtype=int)
 
-    def _rows(self, places_m: np.ndarray, is_exact: bool) -> list[tuple[int, int, int]]:
-        return [(x, y, z) for x, y, z in np.floor(places_m / self._side[is_exact]).astype(int).tolist()]
+    def _row_of(self, place_m: list[float], is_exact: bool) -> tuple[int, int, int]:
+        (x, y, z), (east, north, up) = place_m, self._sides[is_exact]
+        return math.floor(x / east), math.floor(y / north), math.floor(z / up)
 
     def _numbered(self, row: tuple[int, int, int], is_exact: bool) -> int:
         """Return the number of a tile, which is new the first time."""
         number = self._number[is_exact].setdefault(row, len(self._boxes))
         if number == len(self._boxes):
-            low = np.array(row) * self._side[is_exact]
-            self._boxes.append((low, low + self._side[is_exact]))
+            side = np.array(self._sides[is_exact])
+            low = np.array(row) * side
+            self._boxes.append((low, low + side))
         return number
 
     def flat_tiles(self, places_m: np.ndarray) -> np.ndarray:
@@ -159,7 +124,7 @@ class VolumeModels:
         """
         if self.whole:
             return np.full((len(places_m), 2), NONE)
-        rows = self._rows(places_m, False)
+        rows = [self._row_of(place, False) for place in places_m.tolist()]
         return np.array([self._flat_choice.get(row) or self._look_at(row) for row in rows], dtype=int)
 
     def _look_at(self, row: tuple[int, int, int]) -> tuple[int, int]:
@@ -170,6 +135,8 @@ class VolumeModels:
         choice = (NONE, NONE)
         if flat is not None:
             self._flat[number] = flat
+            if self.is_level:  # they differ by their walls alone
+                number = self._alike.setdefault(tuple(self._parts_within(low, high, ROCK_BIT)), number)
             choice = number, int(code_of(np.zeros(1, int), zones[None])[0]) if zones[0] == zones[1] else NONE
         self._flat_choice[row] = choice
         return choice
@@ -200,7 +167,7 @@ class VolumeModels:
             add_part(spec, ground if bits == FLOOR_BIT else rock, name, corners, contype=bits, friction=friction)
         flat = self._flat.get(number)
         if flat is not None:
-            flat.add_to(mine, TILE_M[0] + self.robot.radius_m)
+            flat.add_to(mine)
         for name in robots:
             self._add_robot(spec, name, code, has_boxes, flat is not None)
         return spec
@@ -210,14 +177,17 @@ class VolumeModels:
         return [self._zones[zone].friction, 0.005, 0.0001]
 
     def _within(self, number: int, on_parts: int) -> Iterator[tuple[str, np.ndarray, int]]:
-        """Yield name, corners and bits of the parts of a tile's model, cut to what is in reach."""
+        """Yield name, corners and bits of the parts in reach of a tile's robot."""
         low, high = self._reach(number, on_parts)
         bit = ROCK_BIT | FLOOR_BIT if on_parts else ROCK_BIT
-        near = ((self._low < high) & (self._high > low)).all(axis=1) & (self._bits & bit != 0)
-        for k in np.flatnonzero(near).tolist():
-            corners = clip_convex(self._parts[k], low, high)
-            if len(corners) > 3 and np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[2] > _SLIVER_M:
-                yield f"part_{k}", corners, int(self._bits[k] & bit)
+        for k in self._parts_within(low, high, bit):
+            yield f"part_{k}", self._parts[k], int(self._bits[k] & bit)
+
+    def _parts_within(self, low: np.ndarray, high: np.ndarray, bit: int) -> list[int]:
+        """Return the numbers of parts of some bits in a box from `low` (3,) to `high` (3,) m."""
+        near = ((self._low < high[:, None]) & (self._high > low[:, None])).all(axis=0)
+        found: list[int] = (near & (self._bits & bit != 0)).nonzero()[0].tolist()
+        return found
 
     def _reach(self, number: int, on_parts: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the lowest and the highest corner (3,) m of the box that a robot in a tile can reach in one step."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ NODE_M = 0.05  # between the places that planes are kept for
 # A plane holds for a foot that stays within one of these distances of a node in a control step: half of its way at
 # these speeds at most, 0.035 m from the middle of the way to the nearest node, 0.04 m by braking or accelerating.
 REACHES_M = (0.12, 0.2)
-SPEEDS_MPS = (0.9, 2.0)
+SPEEDS_MPS = np.array([0.9, 2.0])
 TOLERANCE_M = 0.005  # of the floor from a plane: the floor follows the survey within 4 mm, of which 1 cm is allowed
 _AROUND_M = 0.6  # of a tile: feet of a robot that begins a control step on it
 _LEDGE_M = 0.2  # higher ledges stop the chassis, whose lower edge is 0.13 m over the floor
@@ -24,8 +25,10 @@ TILE_M, _SLAB_M = 2.0, 0.5  # sides of the tiles that planes are made in
 _SIDE_M = np.array([TILE_M, TILE_M, _SLAB_M])
 _NODES = round((TILE_M + 2 * _AROUND_M) / NODE_M) + 1
 _RIM = int(max(REACHES_M) / NODE_M + 1e-9)  # of nodes round a tile's, which are looked at only
-_BLOCK = 8  # nodes a side whose planes are made together: one alone takes nearly as long
-_KEPT = 512  # tiles, of 0.3 MB each
+_TOGETHER = 64  # planes that are made in one call, of nodes beside those asked for too: one takes nearly as long
+_WIDTH = _NODES + 2 * _RIM
+_SEVERAL_M = -1e3  # instead of a floor's height where floors lie over each other: no plane is near it
+_KEPT = 512  # tiles, of 0.2 MB each
 _KEPT_GRIDS = 64
 
 
@@ -54,18 +57,14 @@ class FootPlanes:
         return found
 
 
-@dataclass(frozen=True)
-class _Tile:
-    """The nodes of a tile, with a rim of `_RIM` more: floors and roofs over and under them, and its creases' places.
+def _disc(reach_m: float) -> np.ndarray:
+    """Return columns and rows (k, 2) of the nodes within a reach, from its middle."""
+    near = np.arange(-_RIM, _RIM + 1)
+    places = np.stack(np.meshgrid(near, near), axis=-1).reshape(-1, 2)
+    return places[np.hypot(*places.T) * NODE_M <= reach_m + 1e-9]
 
-    `floor` (n, n) m is that of each node near the tile's height, NaN if there is none or more than one.
-    """
 
-    first_m: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    floor: np.ndarray
-    creases: np.ndarray
+_DISCS = tuple(_disc(reach_m) for reach_m in REACHES_M)
 
 
 class FloorPlanes:
@@ -74,10 +73,12 @@ class FloorPlanes:
     def __init__(self, columns: FloorColumns, creases: Creases) -> None:
         """Take what finds the floors, and the lines at which they turn."""
         self._columns, self._creases = columns, creases
-        self._tiles: OrderedDict[tuple[int, int, int], int] = OrderedDict()  # slots; oldest use first
-        self._in_slot: dict[int, _Tile] = {}
+        self._slot: OrderedDict[tuple[int, int, int], int] = OrderedDict()  # of a tile; oldest use first
         self._grids: OrderedDict[tuple[int, int], tuple[np.ndarray, ...]] = OrderedDict()
-        self._table = np.zeros((0, _NODES, _NODES, len(REACHES_M), 4), np.float32)  # NaN where none was made yet
+        # By slot: planes, NaN where none was made yet; the first node and the height that the tile begins at, m; floor
+        # and roof over that height at its nodes and those of its rim, NaN in rock.
+        self._planes = np.zeros((0, _NODES, _NODES, len(REACHES_M), 4), np.float32)
+        self._first, self._floor, self._roof = np.zeros((0, 3)), *np.zeros((2, 0, _WIDTH, _WIDTH), np.float32)
 
     def under(self, bodies_m: np.ndarray, feet_m: np.ndarray, speed_mps: np.ndarray) -> FootPlanes:
         """Return the planes under feet in a control step.
@@ -93,49 +94,56 @@ class FloorPlanes:
         """
         rows = np.floor(bodies_m / _SIDE_M)
         slots = self._slots([(x, y, z) for x, y, z in rows.astype(int).tolist()])
-        first = (rows * _SIDE_M)[:, None, :2] - _AROUND_M
+        first = self._first[slots, None, :2]
         at = np.rint((feet_m - first) / NODE_M).astype(int)
-        outside = ((at < 0) | (at >= _NODES)).any(axis=2)
-        at = np.clip(at, 0, _NODES - 1)
-        reach = np.searchsorted(SPEEDS_MPS, speed_mps)
-        outside |= reach == len(SPEEDS_MPS)
-        reach = np.minimum(reach, len(SPEEDS_MPS) - 1)
+        reach = SPEEDS_MPS.searchsorted(speed_mps)
+        # Seen as a number without sign, one below zero is beyond any end.
+        outside = (at.view(np.uint64) >= _NODES).any(axis=2) | (reach == len(SPEEDS_MPS))
+        if np.count_nonzero(outside):
+            at[outside], reach[outside] = 0, 0
         place = slots[:, None], at[..., 1], at[..., 0], reach
-        found = self._table[place]
+        found = self._planes[place]
         absent = np.isnan(found[..., 3])
-        if absent.any():
-            for slot in np.unique(slots[absent.any(axis=1)]).tolist():
-                own = absent & (slots == slot)[:, None]
-                for number in np.unique(reach[own]).tolist():
-                    self._make(slot, at[own & (reach == number)], number)
-            found = self._table[place]
+        if np.count_nonzero(absent):
+            self._make(np.broadcast_to(slots[:, None], absent.shape)[absent], at[absent], reach[absent])
+            found = self._planes[place]
         found = found.astype(float)
-        return FootPlanes(found[..., :3], first + at * NODE_M, np.where(outside, np.inf, found[..., 3]))
+        found[outside, 3] = np.inf
+        return FootPlanes(found[..., :3], first + at * NODE_M, found[..., 3])
 
     def _slots(self, rows: list[tuple[int, int, int]]) -> np.ndarray:
-        """Return where the tables (n,) of tiles are, made if they are new."""
+        """Return the slots (n,) of tiles, which are looked at if they are new."""
         unique = dict.fromkeys(rows)
         for row in unique:
-            if row in self._tiles:
-                self._tiles.move_to_end(row)
+            if row in self._slot:
+                self._slot.move_to_end(row)
                 continue
-            most = max(_KEPT, len(unique))
-            if len(self._tiles) < most:
-                slot = len(self._tiles)
-                if slot == len(self._table):
-                    self._table = np.concatenate([self._table, np.zeros((max(slot, 4), *self._table.shape[1:]), "f4")])
+            if len(self._slot) < max(_KEPT, len(unique)):
+                slot = len(self._slot)
+                if slot == len(self._first):
+                    self._grow(max(slot, 4))
             else:
-                slot = self._tiles.popitem(last=False)[1]
-            self._table[slot] = np.nan
-            self._tiles[row], self._in_slot[slot] = slot, self._tile(row)
-        return np.array([self._tiles[row] for row in rows], dtype=int)
+                slot = self._slot.popitem(last=False)[1]
+            self._slot[row] = slot
+            self._look_at(slot, row)
+        return np.array([self._slot[row] for row in rows], dtype=int)
 
-    def _tile(self, row: tuple[int, int, int]) -> _Tile:
+    def _grow(self, count: int) -> None:
+        """Make room for so many slots more."""
+        for name in ("_planes", "_first", "_floor", "_roof"):
+            old: np.ndarray = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.zeros((count, *old.shape[1:]), old.dtype)]))
+
+    def _look_at(self, slot: int, row: tuple[int, int, int]) -> None:
+        """Fill a slot with a tile's floors and roofs: those between which what lies over a node's floor may be."""
         first, bottom = np.array(row[:2]) * TILE_M - _AROUND_M, row[2] * _SLAB_M
-        low, high = self._grid(row[:2], first)
-        near = (low > bottom - _ASIDE_M) & (low < bottom + _SLAB_M + _ASIDE_M)
-        floor = np.where(near.sum(axis=2) == 1, np.where(near, low, 0).sum(axis=2), np.nan)
-        return _Tile(first, low, high, floor, self._creases.within(first, first + NODE_M * (_NODES - 1), _RIM * NODE_M))
+        low, high = (side - bottom for side in self._grid(row[:2], first))
+        about = (low < _SLAB_M + _ASIDE_M + _LEDGE_M) & (high > _LEDGE_M - _ASIDE_M)
+        count = about.sum(axis=2)
+        for side, several, found in ((low, _SEVERAL_M, self._floor), (high, np.inf, self._roof)):
+            one = np.where(about, side, 0).sum(axis=2)
+            found[slot] = np.where(count == 1, one, np.where(count == 0, np.nan, several))
+        self._planes[slot], self._first[slot] = np.nan, [*first, bottom]
 
     def _grid(self, tile: tuple[int, int], first_m: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the floors and the roofs (n, n, k) m over and under the nodes of a tile and its rim."""
@@ -149,60 +157,45 @@ class FloorPlanes:
         self._grids.move_to_end(tile)
         return self._grids[tile]
 
-    def _make(self, slot: int, nodes: np.ndarray, reach: int) -> None:
-        """Make the planes of nodes (m, 2), column and row, of the tile in a slot, and of all in their blocks."""
-        blocks = np.array(sorted({(x, y) for x, y in (nodes // _BLOCK * _BLOCK).tolist()}))
-        within = np.stack(np.meshgrid(*[np.arange(_BLOCK)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
-        nodes = (blocks[:, None] + within).reshape(-1, 2)
-        nodes = nodes[(nodes < _NODES).all(axis=1)]
-        made = _fit(self._in_slot[slot], nodes, REACHES_M[reach])
-        self._table[slot, nodes[:, 1], nodes[:, 0], reach] = made
+    def _make(self, slots: np.ndarray, nodes: np.ndarray, reaches: np.ndarray) -> None:
+        """Make the planes of nodes (m, 2), column and row, of the tiles in slots (m,), with reaches (m,) by number.
 
+        Where they are few, those of the nodes in squares about them are made too.
+        """
+        side = max(1, math.isqrt(_TOGETHER // len(slots)))
+        begun = np.column_stack([slots, reaches, nodes // side * side])
+        begun = np.array(list(dict.fromkeys(map(tuple, begun.tolist()))))
+        own = np.array(list(np.ndindex(side, side)))
+        each = (begun[:, None, 2:] + own).reshape(-1, 2)
+        slots, reaches = begun[:, :2].repeat(len(own), axis=0).T
+        inside = (each < _NODES).all(axis=1)
+        for number in range(len(REACHES_M)):
+            those = inside & (reaches == number)
+            if those.any():
+                slot, node = slots[those], each[those]
+                self._planes[slot, node[:, 1], node[:, 0], number] = self._fit(slot, node, number)
 
-def _fit(tile: _Tile, nodes: np.ndarray, reach_m: float) -> np.ndarray:
-    """Return slopes, height and error (m, 4) of the floor within a reach of nodes (m, 2) of a tile.
+    def _fit(self, slots: np.ndarray, nodes: np.ndarray, reach: int) -> np.ndarray:
+        """Return slopes, height and error (m, 4) of the floor within a reach of nodes (m, 2) of tiles in slots (m,).
 
-    What is rock at `_LEDGE_M` over the node's floor is left out: the chassis stops there.
-    """
-    i, j = (a.ravel() for a in np.meshgrid(*[np.arange(-_RIM, _RIM + 1)] * 2, indexing="ij"))
-    disc = np.hypot(i, j) * NODE_M <= reach_m + 1e-9
-    i, j = i[disc], j[disc]
-    row, col = nodes[:, 1] + _RIM, nodes[:, 0] + _RIM
-    floor = tile.floor[row, col]
-    at = row[:, None] + i, col[:, None] + j
-    over = (floor + _LEDGE_M)[:, None, None]
-    low = tile.low[at]
-    within = (low <= over) & (over < tile.high[at])
-    is_free = within.any(axis=-1)
-    rise = np.where(is_free, np.where(within, low, 0).sum(axis=-1) - floor[:, None], 0.0)
-    good = np.isfinite(floor) & (is_free.sum(axis=1) >= _LEAST)
-    found = np.zeros((len(nodes), 4))
-    found[:, 3] = np.inf
-    found[good] = fit_planes(np.column_stack([j, i]) * NODE_M, rise[good], is_free[good])
-    found[good, 2] += floor[good]
-    here = tile.first_m + nodes[good] * NODE_M
-    found[good, 3] = np.maximum(found[good, 3], _off_at(tile.creases, here, found[good], floor[good], reach_m))
-    return found
-
-
-def _off_at(
-    creases: np.ndarray, nodes_m: np.ndarray, planes: np.ndarray, floor_m: np.ndarray, reach_m: float
-) -> np.ndarray:
-    """Return how far (m,) m the places (k, 3) m of creases within a reach of nodes (m, 2) m are from their planes.
-
-    Between the samples the floor is farthest from the plane where it turns. Places that are not about the node's floor
-    are another floor's.
-    """
-    if not len(nodes_m):
-        return np.zeros(0)
-    low, high = nodes_m.min(axis=0) - reach_m, nodes_m.max(axis=0) + reach_m
-    creases = creases[((creases[:, :2] >= low) & (creases[:, :2] <= high)).all(axis=1)]
-    away = creases[None, :, :2] - nodes_m[:, None]
-    near = away[..., 0] ** 2 + away[..., 1] ** 2 <= reach_m**2
-    near &= np.abs(creases[None, :, 2] - floor_m[:, None]) < _LEDGE_M
-    height = away[..., 0] * planes[:, :1] + away[..., 1] * planes[:, 1:2] + planes[:, 2:3]
-    found: np.ndarray = np.where(near, np.abs(creases[None, :, 2] - height), 0.0).max(axis=1, initial=0.0)
-    return found
+        What is rock at `_LEDGE_M` over the node's floor is left out: the chassis stops there.
+        """
+        disc, here = _DISCS[reach], (slots * _WIDTH + nodes[:, 1] + _RIM) * _WIDTH + nodes[:, 0] + _RIM
+        floor, around = self._floor.take(here), here[:, None] + disc[:, 1] * _WIDTH + disc[:, 0]
+        found = np.zeros((len(nodes), 4))
+        found[:, 3] = np.inf
+        good = np.flatnonzero((floor > -_ASIDE_M) & (floor < _SLAB_M + _ASIDE_M))
+        floor, low = floor[good, None].astype(float), self._floor.take(around[good])
+        is_free = (low <= floor + _LEDGE_M) & (floor + _LEDGE_M < self._roof.take(around[good]))
+        enough = np.count_nonzero(is_free, axis=1) >= _LEAST
+        good, floor, low, is_free = good[enough], floor[enough], low[enough], is_free[enough]
+        found[good] = fit_planes(disc * NODE_M, np.where(is_free, low - floor, 0.0), is_free)
+        first = self._first[slots[good]]
+        found[good, 2] += floor[:, 0] + first[:, 2]
+        places = first[:, :2] + nodes[good] * NODE_M
+        off = self._creases.farthest_m(places, found[good, :3], floor[:, 0] + first[:, 2], REACHES_M[reach], _LEDGE_M)
+        found[good, 3] = np.maximum(found[good, 3], off)
+        return found
 
 
 def fit_planes(places_m: np.ndarray, rise_m: np.ndarray, is_free: np.ndarray) -> np.ndarray:

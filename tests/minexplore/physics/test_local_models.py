@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from minexplore.physics.local_models import ALONE, LocalModels, part_vertices
+from minexplore.physics.local_models import ALONE, TILE_M, LocalModels, part_vertices
 from minexplore.physics.robot import RobotParams, free_joint_qpos
 from minexplore.physics.robots import find_robot
 from minexplore.task import TaskParams
@@ -39,6 +39,17 @@ def test_a_robot_alone_moves_to_the_last_digit_as_with_the_geoms_that_others_mee
     (one, touched), (two, _) = (driven_into_rock(model, pose) for model in (alone, among))
     np.testing.assert_array_equal(one, two)
     assert touched == meets_rock
+
+
+def test_tiles_with_the_same_in_reach_have_one_model_and_all_have_that_of_their_own(tee):
+    models = LocalModels(load_world(tee.bundle), TaskParams(), RobotParams())
+    tiles = [(x, y) for x in range(-3, 12) for y in range(-3, 6)]
+    places = (np.array(tiles) + 0.5) * TILE_M
+    found = [tuple(tile) for tile in models.tiles_of(places).tolist()]
+    assert 4 < len(set(found)) < len(tiles) / 4
+    for tile, first in zip(tiles, found, strict=True):
+        assert [geom.name for geom in models.spec(tile).geoms] == [geom.name for geom in models.spec(first).geoms]
+    assert models.tiles_of(np.zeros((0, 2))).shape == (0, 2)
 
 
 def test_a_model_of_all_rock_and_another_robot_keep_their_geoms(tee):

@@ -103,7 +103,10 @@ class VolumeDrive:
         self._volume = volume
         self._local, self.models, self.chooser = local, local.models, local.chooser
         self._zones = np.zeros((ROBOTS, 2), int)
-        number, code = self.models.number_of(places[chosen[:1]], False), code_of(np.zeros(1, int), self._zones[:1])
+        number, code = (
+            self.models.numbers_of(places[chosen[:1]], np.zeros(1, bool)),
+            code_of(np.zeros(1, int), self._zones[:1]),
+        )
         self.stepper = PhysicsStepper(self.models, ROBOTS, 1, np.append(number, code))  # type: ignore[arg-type]
         model = self.models.model((int(number[0]), int(code[0])))
         self._where, self._how = _mocap_addresses(model)
@@ -130,7 +133,7 @@ class VolumeDrive:
         assert isinstance(robot, DrivenRobot)
         stepper.ctrl[:] = robot.controls(action[:, 0] * task.max_forward_mps, action[:, 1] * task.max_turn_radps)
         qpos = stepper.qpos
-        choice = self.chooser.choose(qpos[:, :3], qpos[:, 3:7], stepper.qvel[:, :6], self._zones)
+        choice = self.chooser.choose(qpos[:, :3], rotation_matrices(qpos[:, 3:7]), stepper.qvel[:, :6], self._zones)
         stepper.state[:, self._where] = choice.places.reshape(ROBOTS, -1)
         stepper.state[:, self._how] = choice.quaternions.reshape(ROBOTS, -1)
         return choice

@@ -36,13 +36,13 @@ def floors(solid):
 def test_a_floor_of_one_plane_is_found_with_its_slope_and_height(slope):
     found = floors(hall(slope)).within(LOW + EAST, HIGH + EAST)
     assert found.plane == pytest.approx([slope, 0, slope], abs=1e-9)
-    assert found.middle_m.tolist() == [1.0, 0.0]
+    assert found.middle_m.tolist() == ([1.0, 0.0] if slope else [0.0, 0.0])  # a level mine has one plane
 
 
 def test_only_a_mine_whose_floor_is_level_is_level():
-    assert floors(hall()).level_m == pytest.approx(0.0, abs=1e-12)
-    assert floors(hall(0.1)).level_m is None
-    assert floors(hall() + box([0, 0, -1], [1, 1, 1])).level_m is None
+    assert floors(hall()).level.plane == pytest.approx(np.zeros(3), abs=1e-12)
+    assert floors(hall(0.1)).level is None
+    assert floors(hall() + box([0, 0, -1], [1, 1, 1])).level is None
 
 
 @pytest.mark.parametrize(

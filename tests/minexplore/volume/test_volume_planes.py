@@ -24,7 +24,6 @@ from tests.minexplore.volume.stepping import VolumeDrive, VolumeStepping
 RAMP = "A,1,0,0,1,1,0,3,0\nA,2,20,0,1,1,2,3,0\n"
 PITCH = RAMP + "B,2,20,0,1,1,2,3,0\nB,3,20,0,1,1,-10,3,0\nC,3,20,0,2,2,-10,3,0\nC,4,40,0,2,2,-10,3,0\n"
 PLANE = np.array([0.1, -0.05, 0.02])
-LEVEL_POSE = np.array([0.0, 0, 0, 1, 0, 0, 0])
 
 
 def built(rows, folder):
@@ -50,7 +49,7 @@ def standing(x, y, local):
     """Return the choice for a robot at rest on the floor under a place, and which feet touch the floor's parts."""
     floor = local.floors_under(np.array([[x, y, 50.0]]))[0]
     place = np.array([[x, y, floor + RobotParams().wheel_radius_m]])
-    choice = local.chooser.choose(place, LEVEL_POSE[None, 3:], np.zeros((1, 6)), np.zeros((1, 2), int))
+    choice = local.chooser.choose(place, np.eye(3)[None], np.zeros((1, 6)), np.zeros((1, 2), int))
     return choice, int(choice.tiles[0, 1]) & 15
 
 
@@ -119,14 +118,17 @@ def bent_floor():
 def test_a_plane_knows_how_far_it_is_from_a_floor_that_turns_between_two_samples():
     facets = bent_floor()
     creases = Creases(facets)
-    places = creases.within(np.array([-1.0, -1.0]), np.array([1.0, 1.0]), 0.0)
-    assert places[:, 0] == pytest.approx(np.full(len(places), 0.02))
-    assert np.diff(np.sort(places[:, 1])).max() <= 0.05 + 1e-9
+    north = np.linspace(-1.5, 1.5, 30)
+    nodes, level = np.column_stack([np.full(30, -0.1), north]), np.tile([0.0, 0.0, 0.0], (30, 1))
+    level[:, 2] = north  # the lines of a floor at 0 are so far from level planes at these heights
+    assert creases.farthest_m(nodes, level, np.zeros(30), 0.125, 0.2) == pytest.approx(np.abs(north))
+    assert (creases.farthest_m(nodes, level, np.zeros(30), 0.115, 0.2) == 0).all()
+    assert (creases.farthest_m(nodes, level, np.full(30, 0.3), 0.125, 0.2) == 0).all()
     turn = np.array([[[0.02, 0.0]]])
     foot, speed, body = np.zeros((1, 1, 2)), np.zeros((1, 1)), np.array([[0.0, 0.0, 0.165]])
     found = FloorPlanes(FloorColumns(facets), creases).under(body, foot, speed)
     assert found.error_m[0, 0] >= abs(found.heights(turn)[0, 0]) - 1e-6
-    creases._places = np.zeros((0, 3))
+    creases._places, creases._square = np.zeros((0, 3)), np.zeros(0, np.int64)
     blind = FloorPlanes(FloorColumns(facets), creases).under(body, foot, speed)
     assert blind.error_m[0, 0] < abs(blind.heights(turn)[0, 0]) - 1e-4
 
@@ -156,7 +158,7 @@ def test_a_robot_on_a_ramp_stands_on_planes_and_one_over_an_edge_on_the_parts(ra
 
 def test_feet_on_planes_do_not_touch_parts_of_the_floor(ramp):
     models = VolumeStepping(*ramp).models
-    models.number_of(np.array([[0.0, 0.0, 0.2]]), True)
+    models.numbers_of(np.array([[0.0, 0.0, 0.2]]), np.array([True]))
     both = [models.spec((0, feet)) for feet in (0, 4)]
     assert [spec.geom("robot_front").conaffinity & 2 for spec in both] == [0, 2]
     assert [spec.geom("robot_left").conaffinity & 2 for spec in both] == [0, 0]
@@ -178,7 +180,7 @@ def test_thrown_robots_stay_in_a_drift_and_escape_where_a_wall_is_taken_out(ramp
 @pytest.mark.parametrize("feet", [0, 1, 2, 15])
 def test_wheels_on_parts_are_no_wider_than_the_robots_disc_and_those_on_planes_are_spheres(ramp, feet):
     models = VolumeStepping(*ramp).models
-    models.number_of(np.array([[0.0, 0.0, 0.2]]), True)
+    models.numbers_of(np.array([[0.0, 0.0, 0.2]]), np.array([True]))
     model, robot = models.spec((0, feet)).compile(), RobotParams()
     for bit, side in enumerate(("left", "right")):
         wheel = model.geom(f"robot_{side}")
