@@ -88,11 +88,14 @@ def places_for_robots(
     uphill = -normal[:, :2] / np.maximum(np.hypot(*normal[:, :2].T), 1e-9)[:, None]
     rise = np.hypot(*normal[:, :2].T) / np.maximum(normal[:, 2], 1e-9)
     further = middle + ahead_m * np.column_stack([uphill, rise])
-    fits = (inside.distance_m(middle + normal * (wide + 0.02)) > wide) & (
-        inside.distance_m(further + normal * (wide + 0.02)) > robot.radius_m
-    )
-    fits &= inside.distance_m(middle + normal * top) > robot.scanner_radius_m
-    fits &= normal[:, 2] > np.cos(np.radians(20))
+    disc = normal * (wide + 0.02)
+    fits = np.flatnonzero(normal[:, 2] > np.cos(np.radians(20)))
+    for places, free_m in (
+        (middle + disc, wide),
+        (further + disc, robot.radius_m),
+        (middle + normal * top, robot.scanner_radius_m),
+    ):
+        fits = fits[inside.are_farther(places[fits], free_m)]
     return middle[fits], normal[fits]
 
 
