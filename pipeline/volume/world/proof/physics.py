@@ -219,7 +219,7 @@ def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
     ring = np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle)), np.full((len(far), _RING), _OVER_M)])
     beside = (places[:, None, None] + np.moveaxis(ring, 0, -1)).reshape(-1, 3)
     shape = (len(places), len(far), _RING)
-    free = volume.inside.distance_m(beside).reshape(shape) > 0
+    free = volume.inside.rays_say_free(beside).reshape(shape)
     rise = np.abs(np.diff(drop(volume.vertices, volume.faces, beside)[1].reshape(shape), axis=1))
     return np.asarray((~(free[:, 1:] & free[:, :-1]) | (rise <= STEEPEST * _STEP_M)).all(axis=(1, 2)))
 
