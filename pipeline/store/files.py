@@ -27,9 +27,13 @@ _JOURNAL, _NEW, _OLD = "journal.json", "new", "old"  # in the hidden folder besi
 _WRITERS = 16  # each waits for the disk, which takes 200 files of one writer in 0.85 s and of 16 in 0.1 s
 
 
-@functools.cache
 def adapter_of(kind: Any) -> TypeAdapter[Any]:
     """Return what reads and writes a type as JSON: to make one takes some milliseconds."""
+    return _adapter_of(kind)
+
+
+@functools.cache
+def _adapter_of(kind: Any) -> TypeAdapter[Any]:
     from pydantic import TypeAdapter
 
     return TypeAdapter(kind)

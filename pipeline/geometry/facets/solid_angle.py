@@ -12,7 +12,7 @@ _TOGETHER = 1 << 18  # angles of triangles that are summed at once
 
 
 @dataclass(frozen=True)
-class _Mesh:
+class _HalvedMesh:
     """Vertices (v, 3) m, facets (f, 3) of them, and the middles (f, 3) m of these."""
 
     vertices: np.ndarray
@@ -32,7 +32,7 @@ class _BoxedFacets:
         Of the facets themselves; none of a block that is halved.
     """
 
-    def __init__(self, mesh: _Mesh, some: np.ndarray) -> None:
+    def __init__(self, mesh: _HalvedMesh, some: np.ndarray) -> None:
         self._mesh, self._some = mesh, some
         corners = mesh.vertices[mesh.faces[some]]
         points = corners.reshape(-1, 3)
@@ -63,7 +63,7 @@ class SolidAngle:
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """Take the facets (f, 3) of a closed mesh of vertices (v, 3) m as one block."""
-        self._all = _BoxedFacets(_Mesh(vertices, faces, vertices[faces].mean(axis=1)), np.arange(len(faces)))
+        self._all = _BoxedFacets(_HalvedMesh(vertices, faces, vertices[faces].mean(axis=1)), np.arange(len(faces)))
 
     def are_enclosed(self, places: np.ndarray) -> np.ndarray:
         """Return about which places (n, 3) m the solid angle is 4 pi, and not 0 as outside the mesh."""
