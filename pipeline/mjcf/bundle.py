@@ -10,7 +10,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from minesurveys.refusals import in_own_words
 from minexplore.bundle import (
@@ -37,6 +37,7 @@ from pipeline.mjcf.scene import MineScene, ZoneStrip
 from pipeline.mjcf.visible import Visible, compile_visible, compile_with
 from pipeline.mjcf.world import build_spec
 from pipeline.params.made_by import MadeBy
+from pipeline.store.files import adapter_of
 from pipeline.store.hashing import require_plain, sha256_bytes
 from pipeline.store.verify import verify_world
 from pipeline.types import Areas, Frame, Spawn
@@ -119,7 +120,7 @@ def compile_bundle(scene: MineScene) -> tuple[dict[str, bytes], mujoco.MjSpec | 
 
 def seal_bundle(files: dict[str, bytes], record: WorldRecord, made_by: MadeBy) -> dict[str, bytes]:
     """Add `world.json`: the record, the sha256 of each file, and the world's hash over both; and `made_by.json`."""
-    fields = TypeAdapter(WorldRecord).dump_python(record, mode="json")
+    fields = adapter_of(WorldRecord).dump_python(record, mode="json")
     if not record.rough_floor:
         del fields["rough_floor"]
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
@@ -174,7 +175,7 @@ def read_record(folder: Path, checked: bool = True) -> WorldRecord:
         stated = read_json(RECORD, data)
         if isinstance(stated, dict) and is_volume(stated):
             raise ArtifactError(f"{folder}: a world of one volume ({VOLUME_FORMAT}), which this command does not read")
-        return TypeAdapter(WorldRecord).validate_json(data, strict=True)
+        return adapter_of(WorldRecord).validate_json(data, strict=True)
     except FileNotFoundError:
         raise ArtifactError(f"{folder / RECORD}: missing; not a world bundle") from None
     except BundleError as error:

@@ -14,14 +14,14 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 import shapely
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from minexplore.bundle import TriangleMesh, decode_msh, encode_msh
 from minexplore.sealed.json_text import read_json
 from pipeline.errors import ArtifactError
-from pipeline.store.files import describe_field
+from pipeline.store.files import adapter_of, describe_field
 from pipeline.store.hashing import require_plain
 from pipeline.types import Areas, Frame, FreeSpace, Mask, Mesh, Workings
 
@@ -101,7 +101,7 @@ def decode(path: Path, kind: Any) -> Any:
             case ".json":
                 data = path.read_bytes()
                 content = read_json(path.name, data)
-                return content if kind is dict else TypeAdapter(kind).validate_json(data, strict=True)
+                return content if kind is dict else adapter_of(kind).validate_json(data, strict=True)
             case ".geojson":
                 collection = read_json(path.name, path.read_bytes())
                 return _decode_workings(collection) if kind is Workings else _decode_geojson(collection)
@@ -118,7 +118,7 @@ def decode(path: Path, kind: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    return TypeAdapter(type(value)).dump_python(value, mode="json") if dataclasses.is_dataclass(value) else value
+    return adapter_of(type(value)).dump_python(value, mode="json") if dataclasses.is_dataclass(value) else value
 
 
 def _encode_png(path: Path, picture: np.ndarray) -> bytes:
@@ -156,7 +156,7 @@ def _decode_geojson(collection: dict) -> FreeSpace:
 
 def _strictly(kind: type[_Kind], value: Any) -> _Kind:
     """Return a JSON value as a type; a text is no number."""
-    return TypeAdapter(kind).validate_json(json.dumps(value), strict=True)
+    return adapter_of(kind).validate_json(json.dumps(value), strict=True)
 
 
 def _encode_npz(value: Any) -> bytes:

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from minesurveys.remarks import Remark
 from minexplore import __version__
 from pipeline.errors import ArtifactError
-from pipeline.store.files import describe_field
+from pipeline.store.files import adapter_of, describe_field
 from pipeline.store.hashing import import_closure, read_text_file, sha256_file, sha256_named
 
 # Files of stages that no manifest names: a target of its own writes the first, the second holds timings.
@@ -78,7 +78,7 @@ def read_manifest(path: Path) -> Manifest:
         If the file is missing or is not a manifest.
     """
     try:
-        return TypeAdapter(Manifest).validate_json(read_text_file(path))
+        return adapter_of(Manifest).validate_json(read_text_file(path))
     except FileNotFoundError:
         raise ArtifactError(f"{path}: missing; its stage has not run (`make all`)") from None
     except ValidationError as error:
@@ -94,6 +94,6 @@ def read_params(path: Path, kind: type[_Section]) -> _Section:
         If the file is missing, is no manifest, or states other parameters than the schema has.
     """
     try:
-        return TypeAdapter(kind).validate_python(read_manifest(path).params)
+        return adapter_of(kind).validate_python(read_manifest(path).params)
     except ValidationError as error:
         raise ArtifactError(f"{path}: params: {describe_field(error)}; its stage must run again") from error

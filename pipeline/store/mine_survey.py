@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 import shapely
-from pydantic import TypeAdapter
 
 from pipeline.errors import ArtifactError
 from pipeline.store.codecs import decode, encode
+from pipeline.store.files import adapter_of
 from pipeline.types import (
     ClosedMesh,
     DrawnFloors,
@@ -108,12 +108,12 @@ def survey_arrays(mine: MineSurvey) -> tuple[Any, dict[str, np.ndarray]]:
         arrays[WORKINGS] = np.frombuffer(shapely.to_wkb(mine.workings.polygons), np.uint8)
     for name in _RECORDS.keys() & parts.keys():
         arrays |= {f"{name}/{f.name}": np.asarray(getattr(parts[name], f.name)) for f in fields(parts[name])}
-    return TypeAdapter(Survey).dump_python(mine.survey, mode="json"), arrays
+    return adapter_of(Survey).dump_python(mine.survey, mode="json"), arrays
 
 
 def survey_of_arrays(values: Any, arrays: Mapping[str, np.ndarray]) -> MineSurvey:
     """Return the survey that `survey_arrays` took apart."""
-    parts: dict[str, Any] = {_SURVEY: TypeAdapter(Survey).validate_python(values), _PLAN: arrays[_PLAN]}
+    parts: dict[str, Any] = {_SURVEY: adapter_of(Survey).validate_python(values), _PLAN: arrays[_PLAN]}
     if WORKINGS in arrays:
         parts[WORKINGS] = Workings(shapely.from_wkb(arrays[WORKINGS].tobytes()))
     for name in {key.partition("/")[0] for key in arrays} & _RECORDS.keys():

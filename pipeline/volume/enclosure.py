@@ -13,7 +13,7 @@ from pipeline.volume.rock.depth import Depth, deepest
 from pipeline.volume.rock.faces import PartFaces, faces_on_facets
 from pipeline.volume.rock.gaps import SurfaceGap, widest_gap
 from pipeline.volume.rock.intruding_volume import shared_m3
-from pipeline.volume.rock.ragged import parts_of
+from pipeline.volume.rock.ragged import middles_of, parts_of
 from pipeline.volume.rock.tiles import Tile
 from pipeline.volume.shell import SLIVER_M2, THIN_M, ShellPart
 from pipeline.volume.union import Volume
@@ -84,10 +84,10 @@ def measure_enclosure(volume: Volume, parts: list[ShellPart], faces: PartFaces |
     faces = faces or faces_on_facets(volume, corners)
     front = np.array([max(part.facets, key=size.__getitem__) for part in parts], int)
     depth, area = np.array([part.depth_m for part in parts]), np.array([part.area_m2 for part in parts])
-    middles = np.add.reduceat(corners.corners, corners.first[:-1]) / np.diff(corners.first)[:, None]
+    middles = middles_of(corners)
     inside = volume.inside
     doubtful = set(parts_not_cleared(volume, corners, -facets.normals[front]).tolist())
-    doubtful |= set(np.flatnonzero(inside.distance_m(middles) > 0).tolist())
+    doubtful |= set(np.flatnonzero(inside.rays_say_free(middles)).tolist())
     bodies = [corners[k] for k in sorted(doubtful)]
     # Part by part: the union of parts that touch each other once gave 2.5 m3 of rock where there is none.
     shared = shared_m3(facets, bodies, inside.are_free)

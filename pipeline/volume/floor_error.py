@@ -281,7 +281,7 @@ def _across(
     here, there = height - next_rise - places[:, 2], height - places[:, 2] - rise
     step = np.where(here * there < 0, 0.0, np.minimum(np.abs(here), np.abs(there)))
     over = places + np.column_stack([out * _STEP_REACH_M, np.full(len(out), _OVER_M)])
-    free = (hit >= 0) & floor[hit] & (volume.inside.distance_m(over) > 0)
+    free = (hit >= 0) & floor[hit] & volume.inside.rays_say_free(over)
     deep = (hit >= 0) & (height < places[:, 2] - _STEP_MOST_M)
     return np.where(free, hit, -1), np.where(free, step, np.where(deep, np.inf, 0.0))
 

@@ -15,6 +15,7 @@ from pipeline.volume.rock.depth import is_deeper
 from pipeline.volume.rock.faces import ON_PLANE_M
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
+from pipeline.volume.rock.ragged import middles_of, parts_of
 from pipeline.volume.rock.rays import RaysIntoRock
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
@@ -155,7 +156,7 @@ class _Shell:
 
     def apart(self) -> tuple[list[ShellPart], list[ShellPart]]:
         """Return the parts whose middles are in the rock, and the others: planes do not show these."""
-        middles = np.array([part.corners.mean(axis=0) for part in self.parts]).reshape(-1, 3)
+        middles = middles_of(parts_of([part.corners for part in self.parts]))
         free = self._volume.inside.are_free(middles).tolist() if len(middles) else []
         kept = [part for part, is_free in zip(self.parts, free, strict=True) if not is_free]
         return kept, list(compress(self.parts, free))

@@ -29,7 +29,7 @@ class Inside:
         """Index the facets by distance."""
         return NearestFacets(*self.mesh, threads=1)
 
-    def _rays_say_free(self, places: np.ndarray) -> np.ndarray:
+    def rays_say_free(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in the free space; of five parities of rays the most frequent counts."""
         found: np.ndarray = self._scene.compute_occupancy(places.astype(np.float32), nthreads=1, nsamples=5).numpy() > 0
         return found
@@ -41,7 +41,7 @@ class Inside:
     def nearest(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return how far (n,) m the surface is, negative in rock, and its nearest facet (n,)."""
         found = self._facets.query(places)
-        return np.where(self._rays_say_free(places), found.distance_m, -found.distance_m), found.facet
+        return np.where(self.rays_say_free(places), found.distance_m, -found.distance_m), found.facet
 
     def are_farther(self, places: np.ndarray, than_m: float) -> np.ndarray:
         """Return which places (n, 3) m in the free space are farther from rock than a distance, m, of 0 or more.
@@ -49,17 +49,17 @@ class Inside:
         Rays are counted for places that far from a facet alone, as they take most of the time.
         """
         found: np.ndarray = self._facets.query(places).distance_m > than_m
-        found[found] = self._rays_say_free(places[found])
+        found[found] = self.rays_say_free(places[found])
         return found
 
     def are_in_rock(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in rock; the solid angle decides, as rays along facets miscount."""
-        found = ~self._rays_say_free(places)
+        found = ~self.rays_say_free(places)
         found[found] = ~self._angle.are_enclosed(places[found])
         return found
 
     def are_free(self, places: np.ndarray) -> np.ndarray:
         """Return which places (n, 3) m are in the free space; the solid angle decides where rays say so."""
-        found = self._rays_say_free(places)
+        found = self.rays_say_free(places)
         found[found] = self._angle.are_enclosed(places[found])
         return found

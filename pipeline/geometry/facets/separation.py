@@ -10,6 +10,7 @@ import shapely
 ROUNDING_M = 1e-9  # a facet that is so deep in a body only touches it
 _CELL_M = 1.0  # of the grid by which boxes are found, at least; it has a million cells at most
 _CELLS = 1e6
+_PLACES = 50_000  # of corners along directions at once: they stay in the processor's cache
 _TOGETHER = 1000  # bodies: their pairs with facets take some 10 MB where facets are small
 
 
@@ -168,18 +169,24 @@ class Facets:
     ) -> Contacts:
         """Return those pairs of a body and a facet (n,) that `crossing` would return."""
         bodies, pairs = _Apart(some), Contacts(body, facet, np.full(len(body), np.inf))
-        for number in range(len(bodies.directions)):
-            pairs = pairs.within(self._over(bodies, number, pairs).max(axis=0))
+        number = 0
+        while number < len(bodies.directions):
+            rows = bodies.next_of(number, pairs)
+            pairs = pairs.within(self._over(bodies, rows, pairs).max(axis=1).min(axis=0))
             if number == 0:
                 pairs = pairs.within(self._past_planes(bodies, pairs))
+            number = rows.stop
         clear = NO_CONTACTS
         if np.isfinite(enough_m):
             inside = self._deepest_corner(bodies, pairs) > enough_m
             first = np.flatnonzero(inside)[np.unique(pairs.body[inside], return_index=True)[1]]
             left = ~np.isin(pairs.body, pairs.body[first])
             clear, pairs = pairs.some(first), pairs.some(left)
-        for number in range(len(bodies.edges)):
-            pairs = pairs.within(self._between_edges(bodies, number, pairs))
+        number = 0
+        while number < len(bodies.edges):
+            rows = bodies.next_of(number, pairs)
+            pairs = pairs.within(self._between_edges(bodies, rows, pairs))
+            number = rows.stop
         return Contacts.joined([clear, pairs])
 
     def near(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -188,10 +195,10 @@ class Facets:
         meets = (self._low[facet, 2] <= high[box, 2]) & (self._high[facet, 2] >= low[box, 2])
         return box[meets], facet[meets]
 
-    def _over(self, bodies: _Apart, number: int, pairs: Contacts) -> np.ndarray:
-        """Return how far (3, n) m the facets' corners are behind a face of their bodies."""
-        at = _dots(self._points.take(pairs.facet, 2), bodies.directions[number].take(pairs.body, 1))
-        return bodies.reach[number].take(pairs.body) - at
+    def _over(self, bodies: _Apart, rows: slice, pairs: Contacts) -> np.ndarray:
+        """Return how far (d, 3, n) m the facets' corners are behind some faces of their bodies."""
+        at = _dots(self._points.take(pairs.facet, 2), bodies.directions[rows].take(pairs.body, 2))
+        return bodies.reach[rows].take(pairs.body, 1)[:, None] - at
 
     def _past_planes(self, bodies: _Apart, pairs: Contacts) -> np.ndarray:
         """Return how far (n,) m bodies reach over both sides of their facets' planes; inf for one without an area."""
@@ -203,26 +210,28 @@ class Facets:
 
     def _deepest_corner(self, bodies: _Apart, pairs: Contacts) -> np.ndarray:
         """Return how deep (n,) m the deepest of the facets' corners is behind all faces of their bodies."""
-        least = np.full((3, len(pairs.body)), np.inf)
-        for number in range(len(bodies.directions)):
-            np.minimum(least, self._over(bodies, number, pairs), out=least)
+        least, number = np.full((3, len(pairs.body)), np.inf), 0
+        while number < len(bodies.directions):
+            rows = bodies.next_of(number, pairs)
+            np.minimum(least, self._over(bodies, rows, pairs).min(axis=0), out=least)
+            number = rows.stop
         found: np.ndarray = least.max(axis=0)
         return found
 
-    def _between_edges(self, bodies: _Apart, number: int, pairs: Contacts) -> np.ndarray:
-        """Return how far (n,) m bodies and facets overlap across an edge of the bodies and each side of the facets."""
+    def _between_edges(self, bodies: _Apart, rows: slice, pairs: Contacts) -> np.ndarray:
+        """Return how far (n,) m bodies and facets overlap across some edges of the bodies and sides of the facets."""
         ours, theirs = bodies.points.take(pairs.body, 2), self._points.take(pairs.facet, 2)
-        edge = bodies.edges[number].take(pairs.body, 1)
+        edges = bodies.edges[rows].take(pairs.body, 2)
         sides = np.roll(theirs, -1, axis=0) - theirs
         scale = np.sqrt((sides**2).sum(axis=1).max(axis=0)) * bodies.longest.take(pairs.body)
         found = np.full(len(pairs.body), np.inf)
         for side in sides:
-            across = _cross(edge, side)
-            size = np.sqrt((across**2).sum(axis=0))
-            across /= np.maximum(size, 1e-30)
+            across = _cross(edges, side)
+            size = np.sqrt((across**2).sum(axis=1))
+            across /= np.maximum(size, 1e-30)[:, None]
             one, other = _dots(ours, across), _dots(theirs, across)
-            inside = np.minimum(one.max(axis=0) - other.min(axis=0), other.max(axis=0) - one.min(axis=0))
-            np.minimum(found, np.where(size > 1e-9 * scale, inside, np.inf), out=found)
+            inside = np.minimum(one.max(axis=1) - other.min(axis=1), other.max(axis=1) - one.min(axis=1))
+            np.minimum(found, np.where(size > 1e-9 * scale, inside, np.inf).min(axis=0), out=found)
         return found
 
 
@@ -236,21 +245,28 @@ class _Apart:
         self.reach = np.where(self.directions.any(axis=1), reach, np.inf)
         self.longest = np.sqrt((self.edges**2).sum(axis=1).max(axis=0, initial=0.0))
 
+    def next_of(self, first: int, pairs: Contacts) -> slice:
+        """Return which directions or edges, from the first one left, are tried at once: one where pairs are many."""
+        return slice(first, first + max(1, _PLACES // max(1, len(self.points) * len(pairs.body))))
+
 
 def _apart(points: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(points.transpose(1, 2, 0))
 
 
 def _dots(points: np.ndarray, ways: np.ndarray) -> np.ndarray:
-    """Return the places (k, n) of points (k, 3, n) along ways (3, n)."""
-    found = points[:, 0] * ways[0]
-    found += points[:, 1] * ways[1]
-    found += points[:, 2] * ways[2]
+    """Return the places (..., k, n) of points (k, 3, n) along ways (..., 3, n)."""
+    x, y, z = (ways[..., axis, None, :] for axis in range(3))
+    found = points[:, 0] * x
+    found += points[:, 1] * y
+    found += points[:, 2] * z
     return found
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    """Return the products (d, 3, n) of vectors (d, 3, n) and others (3, n)."""
+    x, y, z = np.moveaxis(a, 1, 0)
+    return np.stack([y * b[2] - z * b[1], z * b[0] - x * b[2], x * b[1] - y * b[0]], axis=1)
 
 
 def _units(vectors: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,13 +12,45 @@ _TOGETHER = 1 << 18  # angles of triangles that are summed at once
 
 
 @dataclass(frozen=True)
-class _BoxedFacets:
-    """A box (2, 3) m about facets, triangles (n, 3, 3) m with the same border, and halves, or the facets themselves."""
+class _HalvedMesh:
+    """Vertices (v, 3) m, facets (f, 3) of them, and the middles (f, 3) m of these."""
 
-    box: np.ndarray
-    cone: np.ndarray
-    parts: tuple[_BoxedFacets, ...]
-    corners: np.ndarray
+    vertices: np.ndarray
+    faces: np.ndarray
+    middles: np.ndarray
+
+
+class _BoxedFacets:
+    """Some facets of a mesh, which are halved when a place is in the box about them.
+
+    Attributes
+    ----------
+    box : (2, 3) float64, m
+    cone : (n, 3, 3) float64, m
+        Triangles with the same border as the facets.
+    corners : (k, 3, 3) float64, m
+        Of the facets themselves; none of a block that is halved.
+    """
+
+    def __init__(self, mesh: _HalvedMesh, some: np.ndarray) -> None:
+        self._mesh, self._some = mesh, some
+        corners = mesh.vertices[mesh.faces[some]]
+        points = corners.reshape(-1, 3)
+        self.box = np.stack([points.min(axis=0), points.max(axis=0)])
+        start, end = _border(mesh.faces[some], len(mesh.vertices))
+        middle = np.broadcast_to(self.box.mean(axis=0), (len(start), 3))
+        self.cone = np.stack([mesh.vertices[start], mesh.vertices[end], middle], axis=1)
+        self.corners = corners if len(some) <= _LEAST else corners[:0]
+
+    @cached_property
+    def parts(self) -> tuple[_BoxedFacets, ...]:
+        """Return the halves across the longest side; none of a block with few facets."""
+        middles = self._mesh.middles[self._some]
+        if len(middles) <= _LEAST:
+            return ()
+        half = len(middles) // 2
+        order = self._some[np.argpartition(middles[:, int(np.ptp(middles, axis=0).argmax())], half)]
+        return _BoxedFacets(self._mesh, order[:half]), _BoxedFacets(self._mesh, order[half:])
 
 
 class SolidAngle:
@@ -29,9 +62,8 @@ class SolidAngle:
     """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Part the facets (f, 3) of a closed mesh of vertices (v, 3) m into blocks, and find their borders."""
-        middles = vertices[faces].mean(axis=1)
-        self._all = _block(vertices, faces, middles, np.arange(len(faces)))
+        """Take the facets (f, 3) of a closed mesh of vertices (v, 3) m as one block."""
+        self._all = _BoxedFacets(_HalvedMesh(vertices, faces, vertices[faces].mean(axis=1)), np.arange(len(faces)))
 
     def are_enclosed(self, places: np.ndarray) -> np.ndarray:
         """Return about which places (n, 3) m the solid angle is 4 pi, and not 0 as outside the mesh."""
@@ -47,21 +79,6 @@ class SolidAngle:
             _add(angle, places, inside, block.corners)
             waiting += [(part, inside) for part in block.parts]
         return angle > 2 * np.pi
-
-
-def _block(vertices: np.ndarray, faces: np.ndarray, middles: np.ndarray, some: np.ndarray) -> _BoxedFacets:
-    """Return the block of some facets, which is halved across its longest side until none has too many."""
-    corners = vertices[faces[some]]
-    points = corners.reshape(-1, 3)
-    box = np.stack([points.min(axis=0), points.max(axis=0)])
-    start, end = _border(faces[some], len(vertices))
-    cone = np.stack([vertices[start], vertices[end], np.broadcast_to(box.mean(axis=0), (len(start), 3))], axis=1)
-    if len(some) <= _LEAST:
-        return _BoxedFacets(box, cone, (), corners)
-    axis, half = int(np.ptp(middles[some], axis=0).argmax()), len(some) // 2
-    order = some[np.argpartition(middles[some, axis], half)]
-    parts = tuple(_block(vertices, faces, middles, part) for part in (order[:half], order[half:]))
-    return _BoxedFacets(box, cone, parts, corners[:0])
 
 
 def _border(faces: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -125,8 +125,11 @@ class LegWays:
 
     def pass_over(self, one: list[int], two: list[int], legs: set[int]) -> bool:
         """Return whether some of the legs pass from one patch to the other; legs that share a section are one way."""
-        ours, theirs = ([k for k in some if k in legs] for some in (one, two))
-        return any(a == b or (abs(a - b) == 1 and min(a, b) in self._goes_on) for a in ours for b in theirs)
+        ours, theirs = legs.intersection(one), legs.intersection(two)
+        if not (ours and theirs):
+            return False
+        follow = {k + 1 for k in ours & self._goes_on} | {k - 1 for k in ours if k - 1 in self._goes_on}
+        return not theirs.isdisjoint(ours | follow)
 
 
 def _best(

@@ -7,7 +7,7 @@ import numpy as np
 
 from minexplore.floors.volume_arrays import Parts
 from pipeline.geometry.facets.separation import ROUNDING_M, Facets
-from pipeline.volume.rock.ragged import rows_of
+from pipeline.volume.rock.ragged import middles_of, rows_of
 from pipeline.volume.rock.shapes import bodies_of
 from pipeline.volume.union import Volume
 
@@ -27,7 +27,7 @@ def parts_not_cleared(volume: Volume, parts: Parts, outward: np.ndarray) -> np.n
     count = np.diff(parts.first)
     along = np.einsum("nk,nk->n", parts.corners, np.repeat(outward, count, axis=0))
     reach = np.maximum.reduceat(along, parts.first[:-1])
-    middles = np.add.reduceat(parts.corners, parts.first[:-1]) / count[:, None]
+    middles = middles_of(parts)
     low, high = parts.boxes_m
 
     pairs = [np.zeros((2, 0), int)]

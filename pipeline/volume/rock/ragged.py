@@ -16,6 +16,12 @@ def parts_of(corners: Sequence[np.ndarray], label: Sequence[int] = ()) -> Parts:
     return Parts(joined, first.astype(np.int32), np.array(label, np.int32))
 
 
+def middles_of(parts: Parts) -> np.ndarray:
+    """Return the middles (p, 3) m of the corners of parts."""
+    found: np.ndarray = np.add.reduceat(parts.corners, parts.first[:-1]) / np.diff(parts.first)[:, None]
+    return found
+
+
 def rows_of(parts: Parts, some: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the rows of the corners of some parts (n,), one part after the other, and where each begins (n,)."""
     count = np.diff(parts.first)[some]

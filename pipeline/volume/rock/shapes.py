@@ -145,14 +145,14 @@ def bodies_of(
     # Of no area: the front's direction is tried twice.
     normal = np.where(size > 1e-12, normal / np.maximum(size, 1e-30), np.repeat(outward, sizes, axis=0))
     return ConvexBodies(
-        _padded(np.concatenate(points), counts),
-        np.concatenate([outward[:, None], _padded(normal, sizes)], axis=1),
-        np.concatenate([_padded(b - a, sizes), _padded(c - b, sizes)], axis=1),
+        padded(np.concatenate(points), counts),
+        np.concatenate([outward[:, None], padded(normal, sizes)], axis=1),
+        np.concatenate([padded(b - a, sizes), padded(c - b, sizes)], axis=1),
         owner,
     )
 
 
-def _padded(rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def padded(rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Return rows (r, 3), so many of each body, as one array; shorter bodies repeat their last one."""
     first = np.cumsum(counts) - counts
     found: np.ndarray = rows[first[:, None] + np.minimum(np.arange(counts.max()), counts[:, None] - 1)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from minexplore.bundle import (
     CELLS,
@@ -29,6 +28,7 @@ from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
 from pipeline.params.realism import LightParams, RealismParams
 from pipeline.places import SPAWN
 from pipeline.store.codecs import Bundle, decode, encode
+from pipeline.store.files import adapter_of
 from pipeline.store.hashing import sha256_bytes
 from pipeline.types import FreeSpace, Survey
 from pipeline.volume.world.compile import BUILT
@@ -100,7 +100,7 @@ def bundle_volume(
 
 def seal(files: Bundle, record: VolumeRecord, params: RealismParams) -> Bundle:
     """Add `world.json`, with the sha256 of each file and the world's hash over both, and `made_by.json`."""
-    fields = TypeAdapter(VolumeRecord).dump_python(record, mode="json")
+    fields = adapter_of(VolumeRecord).dump_python(record, mode="json")
     fields["files"] = {name: sha256_bytes(data) for name, data in sorted(files.items())}
     fields["world_sha256"] = world_sha256(fields)
     made_by = params.made_by.model_dump(mode="json")

@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import WAYS, FloorSpans, VolumeFacets
+from minexplore.volume.standing import keys_of
 from pipeline.volume.world.content import world_box
 from pipeline.volume.world.reach import RobotSize, neighbours_of
 from pipeline.volume.world.room import room_of
@@ -76,7 +77,7 @@ def storeys_of(column: np.ndarray, row: np.ndarray, usable: np.ndarray, pairs: n
         Spans that are neighbours.
     """
     count = len(usable)
-    key = np.unique(np.column_stack([column, row]), axis=0, return_inverse=True)[1].reshape(-1)
+    key = np.unique(keys_of(column, row), return_inverse=True)[1].reshape(-1)
     left, first = usable.copy(), np.arange(count)  # `first` is the span that a storey begins at
     pairs = pairs[usable[pairs].all(axis=1)]
     while left.any():

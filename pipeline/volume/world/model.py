@@ -70,7 +70,7 @@ def part_names(parts: Parts, zones: Sequence[ZoneStrip]) -> list[str]:
 
 def model_xml(scene: VolumeScene) -> bytes:
     """Return `mine.xml`. It is written as text: MuJoCo's specs take minutes for 100,000 meshes."""
-    root = model_tree(scene, part_elements(scene))
+    root = model_tree(scene, zip(part_meshes(scene), part_geoms(scene), strict=True))
     ElementTree.indent(root)
     return ElementTree.tostring(root) + b"\n"
 
@@ -122,22 +122,29 @@ def model_tree(scene: VolumeScene, parts: Iterable[tuple[Element, Element]]) -> 
     return root
 
 
-def part_elements(scene: VolumeScene) -> Iterator[tuple[Element, Element]]:
-    """Yield mesh and geom of each part.
+def part_meshes(scene: VolumeScene) -> Iterator[Element]:
+    """Yield the mesh of each part.
 
-    A mesh lies about its middle, as MuJoCo keeps vertices in 32 bits: findings/mujoco-mesh-corners-of-32-bits.sh.
+    It lies about its middle, as MuJoCo keeps vertices in 32 bits: findings/mujoco-mesh-corners-of-32-bits.sh.
     """
-    parts, zones = scene.parts, zone_numbers(scene.parts, scene.zones)
+    parts = scene.parts
+    about = (parts.corners - np.repeat(_middles(parts), np.diff(parts.first), axis=0)).round(_DIGITS)
     for number, name in enumerate(part_names(parts, scene.zones)):
-        corners = parts[number]
-        middle = ((corners.min(axis=0) + corners.max(axis=0)) / 2).round(4)
-        vertices = _text((corners - middle).round(_DIGITS).ravel())
+        mesh = {"name": name, "vertex": _text(about[parts.first[number] : parts.first[number + 1]].ravel())}
+        mesh["inertia"] = "shell"
+        if scene.rock and parts.label[number] == FacetLabel.FLOOR:
+            mesh["texcoord"] = _text(floor_texture(parts[number]).round(_DIGITS).ravel())
+        yield Element("mesh", mesh)
+
+
+def part_geoms(scene: VolumeScene) -> Iterator[Element]:
+    """Yield the geom of each part."""
+    parts, zones = scene.parts, zone_numbers(scene.parts, scene.zones)
+    named = zip(part_names(parts, scene.zones), _middles(parts).tolist(), parts.label.tolist(), strict=True)
+    for number, (name, middle, label) in enumerate(named):
         geom = {"name": name, "type": "mesh", "mesh": name, "pos": _text(middle)}
-        mesh = {"name": name, "vertex": vertices, "inertia": "shell"}
-        label = FacetLabel(int(parts.label[number]))
-        if label is FacetLabel.FLOOR:
+        if label == FacetLabel.FLOOR:
             zone = scene.zones[zones[number]]
-            mesh |= {"texcoord": _text(floor_texture(corners).round(_DIGITS).ravel())} if scene.rock else {}
             geom |= {
                 "material": ground_material(zone.name),
                 "priority": "1",
@@ -145,8 +152,15 @@ def part_elements(scene: VolumeScene) -> Iterator[tuple[Element, Element]]:
                 "group": str(GeomGroup.FLOOR.value),
             }
         else:
-            geom |= {"class": ROCK_CLASS, "group": str(_GROUPS[label].value)}
-        yield Element("mesh", mesh), Element("geom", geom)
+            geom |= {"class": ROCK_CLASS, "group": str(_GROUPS[FacetLabel(label)].value)}
+        yield Element("geom", geom)
+
+
+def _middles(parts: Parts) -> np.ndarray:
+    """Return the places (p, 3) m that meshes lie about."""
+    low, high = parts.boxes_m
+    found: np.ndarray = ((low + high) / 2).round(4)
+    return found
 
 
 def _cameras(scene: VolumeScene) -> Iterator[Element]:
@@ -169,4 +183,5 @@ def _cameras(scene: VolumeScene) -> Iterator[Element]:
 
 def _text(values: Sequence[float] | np.ndarray) -> str:
     """Return numbers with all digits that they need, apart by blanks."""
-    return " ".join(f"{value:.12g}" for value in np.asarray(values, float).tolist())
+    numbers = np.asarray(values, float).tolist()
+    return ("%.12g " * len(numbers))[:-1] % tuple(numbers)

@@ -19,6 +19,7 @@ _NARROW_M, _WIDE_M = 0.17, 0.6  # from the middle of a cell to rock: other place
 _FLAT = 10.0  # heights are stretched so much before distances are measured, which then are almost level
 _LOW, _HIGH = 0.25, 0.75  # of a low roof's height: what stands for the bottom and the top of the chassis under it
 _ALIKE = 3  # decimals: of places with as much room the one nearest to the middle is taken
+_OFF_M = 0.01  # more than two distances are off by together
 _EDGE_M = 0.1  # under a floor: where rock is beside that, the floor ends
 _BLOCK = 20_000  # spans at a time
 
@@ -81,33 +82,26 @@ class _Chassis:
             bare.places_m - self._middle + height[:, None] * normal
             for height in (*heights, np.full(len(slope), -_EDGE_M))
         )
-        everywhere, here = np.arange(len(slope)), np.zeros((1, 2))
-        self.middle_m = self._beside(everywhere, here)[:, 0]
-        edge = self._edge_m(everywhere, here)[:, 0]
-        self._at_edge = edge < self.middle_m + 2 * bare.cell_m  # elsewhere rock is nearer all over the cell
-        self.middle_m = np.minimum(self.middle_m, edge)
+        beside = self._beside_m(self._bottom), self._beside_m(self._top)
+        self._edge_m = self._beside_m(self._under) + CASTOR_M
+        self.middle_m = np.minimum(np.minimum(*beside), self._edge_m)
 
     def clearance_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         """Return the clearance (k, m) m of places (m, 2) m beside the middles of spans (k,)."""
-        found = self._beside(spans, aside_m)
-        edge = np.flatnonzero(self._at_edge[spans])
-        found[edge] = np.minimum(found[edge], self._edge_m(spans[edge], aside_m))
-        return found
-
-    def _beside(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
-        bottom, top = (self._distance_m(end, spans, aside_m) for end in (self._bottom, self._top))
+        aside = np.empty((len(spans), len(aside_m), 3))
+        aside[:, :, :2], aside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
+        bottom, top = (self._beside_m(end[spans, None] + aside) for end in (self._bottom, self._top))
         found: np.ndarray = np.minimum(bottom, top)
+        way = np.sqrt(np.square(aside * self._stretched).sum(axis=2))  # an edge may be nearer by so much
+        span, place = np.nonzero(self._edge_m[spans, None] - way < found + _OFF_M)
+        edge = self._beside_m(self._under[spans[span]] + aside[span, place]) + CASTOR_M
+        found[span, place] = np.minimum(found[span, place], edge)
         return found
 
-    def _edge_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
-        return self._distance_m(self._under, spans, aside_m) + CASTOR_M
-
-    def _distance_m(self, places_m: np.ndarray, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
-        """Return the level distances (k, m) m from rock of places (m, 2) m beside those (s, 3) of spans (k,)."""
-        beside = np.empty((len(spans), len(aside_m), 3))
-        beside[:, :, :2], beside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
-        seen = (places_m[spans, None] + beside) * self._stretched
-        return self._rock.rough_distances(seen.reshape(-1, 3)).reshape(seen.shape[:2])
+    def _beside_m(self, places_m: np.ndarray) -> np.ndarray:
+        """Return the level distances (...) m of places (..., 3) m from rock."""
+        seen = places_m * self._stretched
+        return self._rock.rough_distances(seen.reshape(-1, 3)).reshape(seen.shape[:-1])
 
 
 def _spread(room: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from minexplore.bundle import CELLS, MODEL, PARTS, RECORD, TOPOLOGY, VOLUME
 from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
@@ -17,7 +17,7 @@ from pipeline.metrics.limits import flatten
 from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
 from pipeline.store.codecs import decode
-from pipeline.store.files import describe_field
+from pipeline.store.files import adapter_of, describe_field
 from pipeline.store.verify import verify_world
 from pipeline.types import ClosedMesh, DrawnFloors, Mesh, SurveyedLegs, VolumeShape
 from pipeline.volume.areas import solid_of_floors
@@ -79,7 +79,7 @@ def read_volume_record(folder: Path) -> VolumeRecord:
     """
     verify_world(folder)
     try:
-        record: VolumeRecord = TypeAdapter(VolumeRecord).validate_json((folder / RECORD).read_bytes(), strict=True)
+        record: VolumeRecord = adapter_of(VolumeRecord).validate_json((folder / RECORD).read_bytes(), strict=True)
     except OSError as error:
         raise ArtifactError(f"{folder / RECORD}: cannot be read ({error.strerror})") from error
     except ValidationError as error:

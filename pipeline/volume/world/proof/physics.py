@@ -88,11 +88,14 @@ def places_for_robots(
     uphill = -normal[:, :2] / np.maximum(np.hypot(*normal[:, :2].T), 1e-9)[:, None]
     rise = np.hypot(*normal[:, :2].T) / np.maximum(normal[:, 2], 1e-9)
     further = middle + ahead_m * np.column_stack([uphill, rise])
-    fits = (inside.distance_m(middle + normal * (wide + 0.02)) > wide) & (
-        inside.distance_m(further + normal * (wide + 0.02)) > robot.radius_m
-    )
-    fits &= inside.distance_m(middle + normal * top) > robot.scanner_radius_m
-    fits &= normal[:, 2] > np.cos(np.radians(20))
+    disc = normal * (wide + 0.02)
+    fits = np.flatnonzero(normal[:, 2] > np.cos(np.radians(20)))
+    for places, free_m in (
+        (middle + disc, wide),
+        (further + disc, robot.radius_m),
+        (middle + normal * top, robot.scanner_radius_m),
+    ):
+        fits = fits[inside.are_farther(places[fits], free_m)]
     return middle[fits], normal[fits]
 
 
@@ -216,7 +219,7 @@ def _is_even(volume: Volume, places: np.ndarray) -> np.ndarray:
     ring = np.stack([np.outer(far, np.cos(angle)), np.outer(far, np.sin(angle)), np.full((len(far), _RING), _OVER_M)])
     beside = (places[:, None, None] + np.moveaxis(ring, 0, -1)).reshape(-1, 3)
     shape = (len(places), len(far), _RING)
-    free = volume.inside.distance_m(beside).reshape(shape) > 0
+    free = volume.inside.rays_say_free(beside).reshape(shape)
     rise = np.abs(np.diff(drop(volume.vertices, volume.faces, beside)[1].reshape(shape), axis=1))
     return np.asarray((~(free[:, 1:] & free[:, :-1]) | (rise <= STEEPEST * _STEP_M)).all(axis=(1, 2)))
 

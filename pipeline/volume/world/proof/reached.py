@@ -12,6 +12,7 @@ import numpy as np
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, VolumeFacets
 from minexplore.physics.robot import RobotParams
 from minexplore.volume.columns import FloorColumns
+from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.world.proof.physics import add_robots, spec_of, stand
 from pipeline.volume.world.reach import RobotSize, covered, neighbours_of, regions_of, roomy_pairs_of
@@ -105,7 +106,7 @@ def straight_ways(cells: FloorSpans, pairs: np.ndarray) -> np.ndarray:
 
 def _parts_about(parts: list[ShellPart], places: np.ndarray) -> list[ShellPart]:
     """Return the parts whose boxes come near ways, by their places (n, k, 3) m."""
-    low, high = np.moveaxis(np.array([(p.corners.min(axis=0), p.corners.max(axis=0)) for p in parts]), 1, 0)
+    low, high = parts_of([part.corners for part in parts]).boxes_m
     near = np.zeros(len(parts), bool)
     for way in places:
         near |= ((low < way.max(axis=0) + _ABOUT_M) & (high > way.min(axis=0) - _ABOUT_M)).all(axis=1)

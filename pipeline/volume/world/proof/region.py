@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from minexplore.floors.volume_arrays import FacetLabel
+from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
@@ -58,8 +59,7 @@ class _PartsAbout:
     def __init__(self, volume: Volume, parts: list[ShellPart]) -> None:
         """Take the boxes of parts."""
         self._parts, self._corners = parts, volume.vertices[volume.faces]
-        spans = np.array([(part.corners.min(axis=0), part.corners.max(axis=0)) for part in parts])
-        self._low, self._high = spans[:, 0], spans[:, 1]
+        self._low, self._high = parts_of([part.corners for part in parts]).boxes_m
 
     def region(self, facet: int, most: int) -> Region:
         """Return the `most` parts nearest to the middle of a facet, or all if there are no more."""

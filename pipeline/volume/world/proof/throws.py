@@ -61,10 +61,10 @@ def throw_balls(
     area = np.linalg.norm(normal, axis=1)
     into = -normal / np.maximum(area, 1e-30)[:, None]
     middle = volume.vertices[volume.faces].mean(axis=1)
-    radius = np.full(len(middle), -1)
+    radius, asked = np.full(len(middle), -1), np.flatnonzero(np.ones(len(middle), bool) if targets is None else targets)
     for kind in range(len(_BALLS) - 1, -1, -1):
-        fits = inside.distance_m(middle + into * (_BALLS[kind][0] + 0.01)) > _BALLS[kind][0]
-        radius[fits if targets is None else fits & targets] = kind
+        fits = inside.are_farther(middle[asked] + into[asked] * (_BALLS[kind][0] + 0.01), _BALLS[kind][0])
+        radius[asked[fits]] = kind
     queues = [_Facets(np.flatnonzero(radius == kind), rng) for kind in range(len(_BALLS))]
     touched, throws, escapes = 0, 0, 0
     rounds = max(queue.rounds for queue in queues)

@@ -15,7 +15,7 @@ from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
 from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.content import world_box
-from pipeline.volume.world.model import VolumeScene, model_tree, part_elements, part_names
+from pipeline.volume.world.model import VolumeScene, model_tree, part_geoms, part_meshes, part_names
 from pipeline.volume.world.proof.again.relit import light_of, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.topology import heading_at
@@ -79,10 +79,7 @@ class _Elements:
     def __init__(self, scene: VolumeScene) -> None:
         self._open, self.kept = list[str](), list[_Stated]()
         self._parts = set(part_names(scene.parts, scene.zones))
-        self._wanted = {
-            "mesh": (mesh for mesh, _ in part_elements(scene)),
-            "geom": (geom for _, geom in part_elements(scene)),
-        }
+        self._wanted = {"mesh": part_meshes(scene), "geom": part_geoms(scene)}
         self.differs: str | None = None
 
     @property
