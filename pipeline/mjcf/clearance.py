@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -26,19 +27,38 @@ def rock_clearance(world: Path, T_world_mine: np.ndarray, group: int, places: np
     """
     spec = read_spec(world / MODEL)
     _keep_group(spec, group)
-    spec.worldbody.add_body(name="probe", mocap=True).add_geom(
-        name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[_PROBE_M, 0, 0], contype=0, conaffinity=0
-    )
+    add_probe(spec)
     model = compile_spec(spec, world / MODEL)
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    probe = model.geom("probe").id
     of_group = [
         np.flatnonzero((model.geom_group == group) & (model.geom_type == kind))
         for kind in (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_BOX)
     ]
     rock = np.concatenate(of_group)  # in the order of `placed_parts`
-    tree = shapely.STRtree([section_footprint(part) for part in placed_parts(model, group, T_world_mine)])
+    return clearance_to_parts(model, rock, placed_parts(model, group, T_world_mine), T_world_mine, places, most_m)
+
+
+def add_probe(spec: mujoco.MjSpec) -> None:
+    """Add the small sphere whose distances `clearance_to_parts` asks for to a world."""
+    spec.worldbody.add_body(name="probe", mocap=True).add_geom(
+        name="probe", type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[_PROBE_M, 0, 0], contype=0, conaffinity=0
+    )
+
+
+def clearance_to_parts(
+    model: mujoco.MjModel,
+    rock: np.ndarray,
+    parts: Sequence[np.ndarray],
+    T_world_mine: np.ndarray,
+    places: np.ndarray,
+    most_m: float,
+) -> np.ndarray:
+    """Return the distance (n,), m, from places (n, 3), m, mine frame, to the nearest part; see `rock_clearance`.
+
+    `rock` (p,) are the geoms of a model with a probe, and `parts` their corners (k, 3), m, mine frame, in this order.
+    """
+    data, probe = mujoco.MjData(model), model.geom("probe").id
+    mujoco.mj_forward(model, data)
+    tree = shapely.STRtree([section_footprint(part) for part in parts])
     clearance = [most_m] * len(places)
     xpos, segment = data.geom_xpos[probe], np.zeros(6)
     for begin in range(0, len(places), _AT_ONCE):

@@ -37,7 +37,7 @@ _MARGIN_M = 4.0  # grid beyond the workings, within the rock's box in plan, so t
 _PROBE_HEIGHT_M = 0.35
 _ROUNDING_M = 1e-5  # clearances this close are equal: walls may run exactly at the radius beside a row of cells
 _AT_ONCE = 1_000_000  # cells that are measured
-_COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
+COMPARED_M = 0.25  # clearances are compared up to the robot's radius plus this
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def _reach(
     margin = np.ceil((_MARGIN_M + 2 * radius) / cell) * cell
     width, height = (int(np.ceil((high - low + 2 * margin) / cell)) for low, high in ((west, east), (south, north)))
     frame = Frame(1 / cell, (margin - west) / cell, (north + margin) / cell, width, height)
-    most = radius + _COMPARED_M
+    most = radius + COMPARED_M
     around = free.buffer(_MARGIN_M).intersection(shapely.box(*record.world_m))
     queried = _cells_within(around, frame)
     places = _places(queried, frame)

@@ -43,6 +43,12 @@ class Inside:
         found = self._facets.query(places)
         return np.where(self.rays_say_free(places), found.distance_m, -found.distance_m), found.facet
 
+    def ways_m(self, places: np.ndarray, ways: np.ndarray) -> np.ndarray:
+        """Return how far (n,) m the surface is from places (n, 3) m along unit vectors (n, 3); inf without one."""
+        rays = np.concatenate([places, ways], axis=1).astype(np.float32)
+        found: np.ndarray = self._scene.cast_rays(rays, nthreads=1)["t_hit"].numpy().astype(np.float64)
+        return found
+
     def are_farther(self, places: np.ndarray, than_m: float) -> np.ndarray:
         """Return which places (n, 3) m in the free space are farther from rock than a distance, m, of 0 or more.
 

@@ -74,7 +74,9 @@ def test_limits_apply_to_the_groups_that_are_measured_and_a_figure_that_a_group_
     limits = proof().applying(["survey", "enclosure"])
     assert {name.partition(".")[0] for name in limits} == {"survey", "enclosure"}
     quiet = validated(opened, ramp.shape)
-    assert not {"robots.escapes", "balls.escapes", "standing.rest_mm"} & set(quiet.certificate.clauses)
+    assert not {"robots.escapes", "robots.deepest_m", "balls.escapes", "standing.rest_mm"} & set(
+        quiet.certificate.clauses
+    )
     assert not certify("", {}, limits).holds
 
 

@@ -15,7 +15,7 @@ from minexplore.floors.volume_arrays import FloorSpans, Parts, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.metrics.limits import flatten
 from pipeline.params.validation import VolumeProofParams
-from pipeline.proof.certificate import Certificate, certify
+from pipeline.proof.certificate import COMPARED_M, Certificate, certify
 from pipeline.store.codecs import decode
 from pipeline.store.files import adapter_of, describe_field
 from pipeline.store.verify import verify_world
@@ -29,13 +29,13 @@ from pipeline.volume.union import Volume
 from pipeline.volume.world.built_length import built_lengths_m
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
-from pipeline.volume.world.proof.compiled import compare_model
+from pipeline.volume.world.proof.compiled import clearance_error, compare_model
 from pipeline.volume.world.proof.drawn import measure_drawn
 from pipeline.volume.world.proof.floor import floor_figures
 from pipeline.volume.world.proof.fronts import fronts_of
 from pipeline.volume.world.proof.physics import ROBOTS, RobotsAtRest, measure_standing
 from pipeline.volume.world.proof.reached import MapReach, measure_drives, reach_of
-from pipeline.volume.world.proof.region import region_of
+from pipeline.volume.world.proof.region import Region, region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
 from pipeline.volume.world.proof.solid import measure_solid
 from pipeline.volume.world.proof.surveyed.leg_widths import width_figures
@@ -46,6 +46,7 @@ from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
+_LEAST_M3 = 1e-3  # of a space: smaller ones are rounding
 _PLACES = 5  # where bodies are thrown in a mine that is too large for one model: most of the time goes by parts
 
 
@@ -193,11 +194,17 @@ def _survey(
         "unbuilt_at": f"leg {network.leg_name(int(missing.argmax()))}",
         "pieces": 1 + len(surveyed.pieces_m),
         "legs": len(world.legs.legs),
+        "spaces": _spaces(volume),
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
         **width_figures(network, offset, world.mine),
         **line_figures(network, offset, volume),
     }
+
+
+def _spaces(volume: Volume) -> int:
+    """Return of how many spaces that do not meet a volume is: closed surfaces about free space, not about rock."""
+    return sum(space.volume() > _LEAST_M3 for space in volume.solid.decompose())
 
 
 def _bodies(
@@ -219,10 +226,14 @@ def _bodies(
         if at_rest.rest_at is not None:
             break
     places = [region_of(volume, parts, params.most_parts // count, rng) for _ in range(count)]
+    found["clearance"] = _clearance(params, volume, places)
     if params.robot_contacts:
         asked = -(-params.robot_contacts // count)
         thrown = (throw_robots(volume, one.parts, asked, rng, targets=one.targets) for one in places)
-        found["robots"] = _thrown(sum(thrown, Throws()))
+        robots = sum(thrown, Throws())
+        found["robots"] = _thrown(robots) | {"deepest_m": round(robots.deepest_m, 5)}
+        if robots.deepest_m > 0 and robots.deepest_at is not None:
+            found["robots"]["deepest_at"] = describe_place(np.array(robots.deepest_at))
     if params.ball_contacts:
         asked = -(-params.ball_contacts // count)
         thrown = (throw_balls(volume, one.parts, asked, False, rng, targets=one.targets) for one in places)
@@ -247,5 +258,14 @@ def _drives(params: VolumeProofParams, world: VolumeBundle, parts: list[ShellPar
     return {"drives": {"ways": found.ways, "share": round(found.arrived / found.ways, 6) if found.ways else 1.0}}
 
 
-def _thrown(found: Throws) -> dict[str, int]:
+def _clearance(params: VolumeProofParams, volume: Volume, places: list[Region]) -> dict[str, Any]:
+    """Return the largest difference of MuJoCo's distances to rock from those to the surface, and where it is."""
+    rng, most_m = np.random.default_rng(params.seed), params.volume.robot_radius_m + COMPARED_M
+    errors = [clearance_error(volume, one.parts, one.targets, most_m, rng) for one in places]
+    worst = max(errors, key=lambda error: error.error_m)
+    at = {} if worst.place_m is None else {"error_at": describe_place(worst.place_m)}
+    return {"places": sum(error.places for error in errors), "error_m": round(worst.error_m, 5)} | at
+
+
+def _thrown(found: Throws) -> dict[str, Any]:
     return {"contacts": found.contacts, "throws": found.throws, "escapes": found.escapes}

@@ -1,4 +1,4 @@
-"""The MJCF of a volume world against its parts: every mesh as it is written, and some as MuJoCo compiles them."""
+"""The MJCF of a volume world against its parts: meshes as they are written and compiled, and MuJoCo's distances."""
 
 from __future__ import annotations
 
@@ -13,11 +13,59 @@ from minexplore.bundle import MINE_BODY, MODEL
 from minexplore.floors.volume_arrays import Parts
 from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
+from pipeline.mjcf.clearance import add_probe, clearance_to_parts
 from pipeline.mjcf.scene import ZoneStrip
+from pipeline.volume.shell import ShellPart
+from pipeline.volume.union import Volume
 from pipeline.volume.world.model import part_names
+from pipeline.volume.world.proof.physics import spec_of
 
 _WRITTEN_M = 1e-6  # by which a written corner may differ from its part's
 _MIDDLE_M = 1e-4  # by which a geom may be beside the middle of its part: far from it a mesh has less than 0.01 mm
+
+_PLACES = 2000  # where clearance is measured beside the middles of facets, drawn by area
+_ROUNDING_M = 1e-5  # clearances this close are equal
+_OUTSIDE_M = 0.011  # of rock: a probe has a radius of 1 cm
+
+
+@dataclass(frozen=True)
+class ClearanceError:
+    """Largest difference, m, of MuJoCo's distance to the parts from that to the surface; where it is, m; places."""
+
+    error_m: float
+    place_m: np.ndarray | None
+    places: int
+
+
+def clearance_error(
+    volume: Volume, parts: list[ShellPart], targets: np.ndarray, most_m: float, rng: np.random.Generator
+) -> ClearanceError:
+    """Measure clearance before the middle of each facet, and before places of all facets drawn by area.
+
+    Places are up to `most_m` from their facets; distances beyond it count as that. `targets` (f,) says which facets
+    count.
+    """
+    chosen = np.flatnonzero(targets)
+    size = np.linalg.norm(volume.normals, axis=1)
+    chosen = chosen[size[chosen] > 0]
+    drawn = rng.choice(chosen, _PLACES, p=size[chosen] / size[chosen].sum())
+    share = np.concatenate([np.full((len(chosen), 3), 1 / 3), rng.dirichlet(np.ones(3), _PLACES)])
+    facet = np.concatenate([chosen, drawn])
+    on_facet = np.einsum("ki,kij->kj", share, volume.vertices[volume.faces[facet]])
+    into = -volume.normals[facet] / size[facet][:, None]
+    places = on_facet + rng.uniform(_OUTSIDE_M, most_m, len(facet))[:, None] * into
+    free_m = volume.inside.distance_m(places)
+    places, free_m = places[free_m > _OUTSIDE_M], free_m[free_m > _OUTSIDE_M]
+    if not len(places):
+        return ClearanceError(0.0, None, 0)
+    model = spec_of(parts, add_probe).compile()
+    corners = [part.corners for part in parts]
+    measured = clearance_to_parts(model, np.arange(len(parts)), corners, np.eye(4), places, most_m)
+    error = np.abs(np.minimum(free_m, most_m) - measured)
+    doubtful = np.flatnonzero(error > _ROUNDING_M)
+    error[doubtful[~volume.inside.are_free(places[doubtful])]] = 0.0  # in rock, where rays along facets miscount
+    worst = int(error.argmax())
+    return ClearanceError(float(error[worst]), places[worst], len(places))
 
 
 @dataclass(frozen=True)

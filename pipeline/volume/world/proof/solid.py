@@ -9,7 +9,9 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.types import ClosedMesh
+from pipeline.volume.enclosure import describe_place
 from pipeline.volume.union import Volume
 
 _MM = 1e3
@@ -18,7 +20,7 @@ _THICK_M = 0.2  # of a lump, on average: rock that is made thicker is 9 cm at mo
 
 
 def measure_solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> dict[str, Any]:
-    """Return the figures `solid`: IoU, distances of points on the solid, and the largest lump that differs.
+    """Return the figures `solid`: IoU, distances between both surfaces, and the largest lump that differs.
 
     A lump is a connected space that is free in one of both, and thicker than 20 cm on average: a pillar that is
     missing, however large the mine is.
@@ -33,6 +35,7 @@ def measure_solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -
     share = rng.dirichlet(np.ones(3), _SAMPLES)
     points = np.einsum("ki,kij->kj", share, solid.vertices[solid.faces[facet]])
     off = np.abs(volume.inside.distance_m(points))
+    beyond_m, beyond_at = _farthest(volume, solid, rng)
     lumps = [_largest_lump(wanted - volume.solid, "rock"), _largest_lump(volume.solid - wanted, "free")]
     lump_m3, at = max(lumps, key=lambda lump: lump[0])
     return {
@@ -43,8 +46,23 @@ def measure_solid(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -
         "within_10cm": round(float((off <= 0.1).mean()), 6),
         "lump_m3": round(lump_m3, 6),
         **({"lump_at": at} if lump_m3 else {}),
+        "surface_mm": round(_MM * beyond_m, 3),
+        "surface_at": describe_place(beyond_at),
         "area_m2": round(float(area.sum()) / 2, 3),
     }
+
+
+def _farthest(volume: Volume, solid: ClosedMesh, rng: np.random.Generator) -> tuple[float, np.ndarray]:
+    """Return how far, m, the surface of a volume is from that of a solid at most, and where (3,) m.
+
+    It is measured at all corners, in the middles of all facets, and at places that are drawn by area.
+    """
+    corners, area = volume.vertices[volume.faces], np.linalg.norm(volume.normals, axis=1)
+    facet = rng.choice(len(area), _SAMPLES, p=area / area.sum())
+    drawn = np.einsum("ki,kij->kj", rng.dirichlet(np.ones(3), _SAMPLES), corners[facet])
+    places = np.concatenate([volume.vertices[np.unique(volume.faces)], corners.mean(axis=1), drawn])
+    off = NearestFacets(solid.vertices, solid.faces, 1).query(places).distance_m
+    return float(off.max()), places[off.argmax()]
 
 
 def _largest_lump(differs: manifold3d.Manifold, built: str) -> tuple[float, str]:

@@ -14,22 +14,36 @@ from pipeline.volume.world.proof.physics import ROBOTS, add_robots, places_for_r
 
 _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
 _BALLS_EACH = 32
-_PUSHED, _DRIVEN = 40, 160  # physics steps after a throw
+_PUSHED, _DRIVEN, _LOOKED = 40, 160, 20  # physics steps after a throw; between two looks at where robots are
 _FASTEST_MPS = 3.0
+_RAYS = 64  # from a disc's middle outwards: 3 cm apart at its rim
 
 
 @dataclass(frozen=True)
 class Throws:
-    """Contacts of the thrown bodies, throws, escapes, and how many facets bodies began before."""
+    """Contacts of the thrown bodies, throws, escapes, and how many facets bodies began before.
+
+    `deepest_m` is how far rock reached into the disc of a robot, and `deepest_at` where that disc's middle was, m.
+    """
 
     contacts: int = 0
     throws: int = 0
     escapes: int = 0
     facets: int = 0
+    deepest_m: float = 0.0
+    deepest_at: tuple[float, float, float] | None = None
 
     def __add__(self, other: Throws) -> Throws:
         """Return these and others, which began before other facets."""
-        return Throws(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+        deeper = max(self, other, key=lambda one: one.deepest_m)
+        return Throws(
+            self.contacts + other.contacts,
+            self.throws + other.throws,
+            self.escapes + other.escapes,
+            self.facets + other.facets,
+            deeper.deepest_m,
+            deeper.deepest_at,
+        )
 
 
 def _add_balls(spec: mujoco.MjSpec) -> None:
@@ -125,7 +139,8 @@ def throw_robots(
     places, normals = places_for_robots(volume, targets=targets)
     if not len(places):
         return Throws()
-    touched, begun, escapes = 0, [np.zeros(0, int)], 0
+    discs = [data.geom(f"r{number}_chassis") for number in range(ROBOTS)]
+    touched, begun, escapes, deepest = 0, [np.zeros(0, int)], 0, Throws()
     for _ in range(100 * (1 + contacts // (ROBOTS * _DRIVEN))):
         if touched >= contacts:
             break
@@ -141,9 +156,34 @@ def throw_robots(
             data.ctrl[2 * number : 2 * number + 2] = np.array(
                 robot.wheel_speeds(np.array([speed]), rng.uniform(-1.5, 1.5, 1))
             ).ravel()
-        for _step in range(_DRIVEN):
+        for step in range(1, _DRIVEN + 1):
             mujoco.mj_step(model, data)
             touched += data.ncon
-        here = np.array([data.qpos[at : at + 3] for at in body])
-        escapes += int(inside.are_in_rock(here).sum())
-    return Throws(touched, ROBOTS * (len(begun) - 1), escapes, len(np.unique(np.concatenate(begun))))
+            if step % _LOOKED:
+                continue
+            here = np.array([data.qpos[at : at + 3] for at in body])
+            escapes += int(inside.are_in_rock(here).sum())
+            middles = np.array([disc.xpos for disc in discs])
+            deepest += deepest_disc(volume, middles, np.array([disc.xmat.reshape(3, 3) for disc in discs]))
+    found = Throws(touched, ROBOTS * (len(begun) - 1), escapes, len(np.unique(np.concatenate(begun))))
+    return found + deepest
+
+
+def deepest_disc(volume: Volume, middles: np.ndarray, axes: np.ndarray) -> Throws:
+    """Return how far rock reaches into the discs of robots, by rays from their middles to the surface.
+
+    Parameters
+    ----------
+    volume : Volume
+    middles : (n, 3) float64, m
+        The middles of the discs.
+    axes : (n, 3, 3) float64
+        The ways ahead, left and up of each robot in its columns.
+    """
+    angle = np.arange(_RAYS) * (2 * np.pi / _RAYS)
+    ways = np.cos(angle)[:, None] * axes[:, None, :, 0] + np.sin(angle)[:, None] * axes[:, None, :, 1]
+    starts = np.broadcast_to(middles[:, None], ways.shape).reshape(-1, 3)
+    free_m = volume.inside.ways_m(starts, ways.reshape(-1, 3)).reshape(len(middles), _RAYS).min(axis=1)
+    number = int(free_m.argmin())
+    x, y, z = middles[number].tolist()
+    return Throws(deepest_m=max(0.0, RobotParams().radius_m - float(free_m[number])), deepest_at=(x, y, z))
