@@ -46,7 +46,7 @@ from pipeline.volume.world.surface.proof import measure_rock, read_rock
 from pipeline.volume.world.topology import LegNetwork, leg_network, mine_network
 
 _MM = 1e3
-_LEAST_M3 = 1e-3  # of a space: smaller ones are rounding
+_LEAST_M3 = 0.1  # of a space: no robot fits into a smaller one, and 7 km of real cave have a pocket of two litres
 _PLACES = 5  # where bodies are thrown in a mine that is too large for one model: most of the time goes by parts
 
 
