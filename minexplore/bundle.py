@@ -146,11 +146,6 @@ def ground_material(zone: str) -> str:
     return f"{_GROUND}{zone}"
 
 
-def is_ground(material: str) -> bool:
-    """Return whether a material of this name is that of a floor zone."""
-    return material.startswith(_GROUND)
-
-
 def spot_light(number: int) -> str:
     """Return the name of one of the lights along the drifts."""
     return f"{_SPOT}{number:02d}"
@@ -217,7 +212,7 @@ def is_rock(geom: str) -> bool:
 
 
 def chunk_mesh(piece: str, col: int, row: int) -> str:
-    """Return the name of the mesh of one chunk of the rough surface."""
+    """Return the name of the mesh of one tile of a piece of the rough surface, or of a kind of furniture."""
     return f"{piece}_{col:02d}_{row:02d}"
 
 
@@ -251,11 +246,6 @@ def is_cover(mesh: str) -> bool:
     return mesh.startswith(_COVER)
 
 
-def furniture_mesh(kind: str, col: int, row: int) -> str:
-    """Return the name of the mesh of one kind of furniture in one tile."""
-    return f"{kind}_{col:02d}_{row:02d}"
-
-
 def is_fitting(mesh: str) -> bool:
     """Return whether a mesh of this name is part of the visible floor or of the furniture."""
     return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE
@@ -284,16 +274,6 @@ def fitting_material(mesh: str, zones: Sequence[str]) -> str:
     """Return the material of a fitting's mesh: that of its zone's floor, or of its kind of furniture."""
     parts = mesh.split("_")
     return cover_material(zones[int(parts[1])]) if is_cover(mesh) else f"{_FITTING}{parts[0]}"
-
-
-def fitting_kind(material: str) -> str | None:
-    """Return the kind of furniture that a material is of; None for other materials."""
-    return material.removeprefix(_FITTING) if material.startswith(_FITTING) else None
-
-
-def is_fitting_material(material: str) -> bool:
-    """Return whether a material of this name is one of the visible floor, of a fitting, of water or of shade."""
-    return material.startswith((WATER_MATERIAL, SHADE_MATERIAL, _COVER, _FITTING))
 
 
 def puddle_geom(zone: str) -> str:

@@ -56,10 +56,7 @@ class RockPart:
 
 
 class LocalModels:
-    """Physics models of a world, one a square tile of the plan, each with one robot and the same state layout.
-
-    Tiles in whose reach the same parts are share a model: three in four of the default mine's.
-    """
+    """Physics models of a world, one for all square tiles with the same in reach, of one robot and one state layout."""
 
     def __init__(self, world: World, task: TaskParams, robot: Robot, whole: bool = False) -> None:
         """Read the world's collision parts; with `whole` every tile's model is that of all parts."""
@@ -85,10 +82,7 @@ class LocalModels:
         self._first: dict[tuple[str, ...], Tile] = {}  # by contents
 
     def tiles_of(self, xy: np.ndarray) -> np.ndarray:
-        """Return the tiles (n, 2) whose models places (n, 2) m have: for each the first like its own.
-
-        A whole world has one.
-        """
+        """Return the tiles (n, 2) whose models places (n, 2) m have: the first like its own; a whole world has one."""
         if self.whole:
             return np.zeros((len(xy), 2), dtype=int)
         tiles = [(x, y) for x, y in tiles_at(xy, TILE_M).tolist()]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from minesurveys.remarks import warn_user
-from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, decode_msh, encode_msh, furniture_mesh
+from minexplore.bundle import FURNITURE_ABOVE_M, LINES_ABOVE_M, TriangleMesh, chunk_mesh, decode_msh, encode_msh
 from pipeline.geometry.polyline import FloorLine
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.weld_mesh import hang_weld_mesh
@@ -251,7 +251,7 @@ def _merged(parts: list[tuple[str, np.ndarray, np.ndarray]], over_m: HeightsOver
         order = np.argsort(of_face, kind="stable")
         ends = np.cumsum(np.bincount(of_face, minlength=len(found)))[:-1]
         for (col, row), of_tile in zip(found.tolist(), np.split(order, ends), strict=True):
-            meshes[furniture_mesh(kind, col, row)] = _joined(triangles[of_tile])
+            meshes[chunk_mesh(kind, col, row)] = _joined(triangles[of_tile])
     return {name: encode_msh(mesh) for name, mesh in sorted(meshes.items()) if len(mesh.vertices) >= 4}
 
 

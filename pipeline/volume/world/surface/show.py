@@ -17,8 +17,8 @@ from minexplore.bundle import (
     GeomGroup,
     fitting_geom,
     fitting_material,
+    ground_material,
     is_fitting,
-    is_ground,
     mesh_file,
     mesh_of,
     surface_geom,
@@ -93,7 +93,7 @@ def _dress(root: ElementTree.Element, look: Look) -> None:
     rock = _only(root, "asset/material[@name='rock']")
     del rock.attrib["rgba"]
     for ground in _only(root, "asset").iter("material"):
-        if is_ground(ground.attrib["name"]):
+        if ground.attrib["name"].startswith(ground_material("")):
             shown = cover_rgba([float(value) for value in ground.attrib["rgba"].split()])
             ground.attrib.update(texture="rock", rgba=_text(shown), emission="0")
     rock.attrib.update(texture="rock", specular=f"{look.specular:g}", shininess=f"{look.shininess:g}")
