@@ -49,6 +49,8 @@ class JudgedCases:
         Whether a last line counts all rows.
     note : callable
         Returns text below the table, of all rows.
+    has_page : bool
+        Whether the table is written to a page; it is printed in any case.
     """
 
     name: str
@@ -61,6 +63,7 @@ class JudgedCases:
     of: str = ""
     with_all: bool = True
     note: Callable[[list[Row]], str] = lambda rows: ""
+    has_page: bool = True
 
     def table(self, rows: list[Row]) -> str:
         """Return the results as Markdown; lines stand in the order of their first row."""
@@ -95,7 +98,7 @@ class JudgedCases:
             return 2
         rows = [{"case": case, **row} for case, row in zip(wanted, found, strict=True)]
         text = self.table(rows)
-        if len(wanted) >= sample:
+        if self.has_page and len(wanted) >= sample:
             write_table(PAGES / f"{self.name}.md", text)
         print(text)
         failed = [row for row in rows if not self.holds(row)]

@@ -80,7 +80,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     _page("fuzz", "setup", "benchmarks.fuzz", 4),
     _page("random-mines", "setup", "benchmarks.worlds.random_mines", 2),
     _page("volumes", "setup", "benchmarks.comparisons.volume.random_volumes", 4),
-    _page("explorers-with-heights", "setup", "benchmarks.comparisons.volume.explorers", 12),
+    _python("explorers-with-heights", "setup", "benchmarks.comparisons.volume.explorers", ""),
     _page("scans", "setup", "benchmarks.scans.judge", 5),
     _page("round-trips", "setup", "benchmarks.scans.round_trips", 1),
     _page("drawings", "setup", "benchmarks.pictures.judge_drawings", 1.5),

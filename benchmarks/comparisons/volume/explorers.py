@@ -73,7 +73,7 @@ def note(rows: list[Row]) -> str:
 EXPLORED = JudgedCases(
     name="explorers-with-heights",
     cases=range(_MINES),
-    sample=8,
+    sample=20,
     judge=judge,
     holds=lambda row: "problem" not in row,
     groups=lambda row: [row["kind"]],
@@ -84,6 +84,7 @@ EXPLORED = JudgedCases(
         **{name: partial(shares, name=name) for name in NAMES},
     },
     note=note,
+    has_page=False,
 )
 
 if __name__ == "__main__":
