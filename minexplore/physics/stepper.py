@@ -33,7 +33,7 @@ class PhysicsStepper:
         self.models, self._threads, self._process = models, threads, os.getpid()
         tile = models.tiles_of(place_m[None])[0]
         model = models.model(tuple(tile.tolist()))
-        self._fields = data = mujoco.MjData(model)
+        data = mujoco.MjData(model)
         self._initial = np.zeros(mujoco.mj_stateSize(model, _STATE))
         mujoco.mj_getState(model, data, self._initial, _STATE)
         self.state = np.tile(self._initial, (count, 1))
@@ -113,9 +113,6 @@ class PhysicsStepper:
             other = self._batches.get((thread, *tile, not alone))
             model = self.models.model(tile) if other is None else other.model
             batch = self._batches[key] = Batch(model, 1 if alone else _ROBOTS_PER_CALL, 1, False)
-            # MuJoCo's batch makes an `MjData` of its own to read the shapes of fields by, which takes half of what a
-            # batch and its model take together. The fields of all models are alike.
-            vars(batch)["_data"] = self._fields
         self._batches.move_to_end(key)
         return batch
 

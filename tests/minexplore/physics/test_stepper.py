@@ -1,8 +1,4 @@
-import functools
-
-import mujoco
 import numpy as np
-from mujoco.batch import Batch
 
 from minexplore.envs.vector import MineVectorEnv
 from minexplore.physics.local_models import TILE_M, LocalModels
@@ -36,15 +32,3 @@ def test_a_model_of_a_tile_reserves_memory_for_the_contacts_of_its_geoms_only(te
     """A process keeps 512 batches with two such reserves each: 13 MB, MuJoCo's own value, makes 13 GB of addresses."""
     model = LocalModels(load_world(tee.bundle), TaskParams(), RobotParams()).model((20, 1))
     assert 32 * 1024 < model.narena < 1_000_000
-
-
-def test_batches_make_no_data_of_their_own_to_read_the_shapes_of_fields_by(tee):
-    assert isinstance(vars(Batch)["_data"], functools.cached_property)  # else MuJoCo no longer asks for ours
-    robots = MineVectorEnv(8, tee.bundle)
-    robots.reset(seed=0)
-    robots.step(np.tile([1.0, 0.3], (8, 1)))
-    stepper = robots.robots.stepper
-    for batch in stepper._batches.values():
-        assert vars(batch)["_data"] is stepper._fields
-        own = mujoco.MjData(batch.model)
-        assert own.sensordata.shape == stepper._fields.sensordata.shape
