@@ -16,7 +16,7 @@ from pipeline.volume.rock.faces import ON_PLANE_M
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import middles_of, parts_of
-from pipeline.volume.rock.rays import RaysIntoRock
+from pipeline.volume.rock.rays import blocked
 from pipeline.volume.rock.shapes import SHAPES, Polygons, shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tile
@@ -107,7 +107,6 @@ class _Shell:
         """Index the free space."""
         self.parts: list[ShellPart] = []
         self._facets, self._volume = Facets(volume.vertices, volume.faces), volume
-        self._rays = RaysIntoRock(volume.vertices, volume.faces)
 
     def begin(self, surfaces: RockSurfaces) -> list[Polygons]:
         """Take the surfaces that parts are to be found for; return them as polygons."""
@@ -125,7 +124,7 @@ class _Shell:
 
     def _fits(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
         """Add the parts of one shape that are in the rock; return of which polygons (n,)."""
-        fits = ~self._rays.blocked(polygons, kind, depth_m)
+        fits = ~blocked(self._volume.inside, polygons, kind, depth_m)
         numbers = np.flatnonzero(fits)
         if not len(numbers):
             return fits

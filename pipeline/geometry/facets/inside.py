@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +16,13 @@ class Inside:
     """Which places are in the free space, and how far they are from rock."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Index the facets (f, 3) of a closed mesh of vertices (v, 3) m."""
-        self._scene = ray_scene(vertices, faces, 1)
+        """Take the facets (f, 3) of a closed mesh of vertices (v, 3) m."""
         self.mesh = vertices, faces
+
+    @cached_property
+    def _scene(self) -> Any:
+        """Index the facets as rays meet them."""
+        return ray_scene(*self.mesh, 1)
 
     @cached_property
     def _angle(self) -> SolidAngle:
@@ -44,8 +49,8 @@ class Inside:
         return np.where(self.rays_say_free(places), found.distance_m, -found.distance_m), found.facet
 
     def ways_m(self, places: np.ndarray, ways: np.ndarray) -> np.ndarray:
-        """Return how far (n,) m the surface is from places (n, 3) m along unit vectors (n, 3); inf without one."""
-        rays = np.concatenate([places, ways], axis=1).astype(np.float32)
+        """Return how far (...) the surface is from places (..., 3) m, in lengths of ways (..., 3); inf without one."""
+        rays = np.concatenate([places, ways], axis=-1).astype(np.float32)
         found: np.ndarray = self._scene.cast_rays(rays, nthreads=1)["t_hit"].numpy().astype(np.float64)
         return found
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from trimesh.triangles import closest_point
 
 from pipeline.geometry.facets.inside import Inside
+from pipeline.geometry.nearest_facets import closest_points
 from pipeline.volume.rock.tiles import Tile
 
 _KNOWN_M = 1e-4  # to which a depth is known
@@ -87,7 +87,7 @@ def _bounds(
     from_rock, facet = inside.nearest(middles)
     found = _deepest_free(middles, from_rock, inside, than_m, asked)
     reach = np.linalg.norm(cells - middles[:, None], axis=2).max(axis=1)
-    beside = closest_point(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
+    beside = closest_points(np.repeat(corners[facet], 4, axis=0), cells.reshape(-1, 3))
     apart = np.linalg.norm(cells - beside.reshape(-1, 4, 3), axis=2).max(axis=1)
     return middles, from_rock, np.minimum(from_rock + reach, apart), found
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import Any
-
 import numpy as np
 
-from pipeline.geometry.ray_scene import ray_scene
+from pipeline.geometry.facets.inside import Inside
 from pipeline.volume.rock.shapes import Polygons, halving_planes, shaped
 
 _SHARE = 0.95  # of the way from a polygon's middle to its corners and edges: where rays go
@@ -15,31 +12,14 @@ _DEEP_M = 0.03  # of a part, at least: rays hit next to nothing in thinner ones
 _INSIDE_M = 2e-4  # of what is hit, from the faces of a part: rays have 32 bits, 0.03 mm at 500 m
 
 
-class RaysIntoRock:
-    """The free space's facets as rays meet them."""
+def blocked(inside: Inside, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
+    """Return behind which polygons (n,) a part that is `moved` or `cut` so deep has a facet in it, as rays find.
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        """Take the facets (f, 3) of vertices (v, 3) m."""
-        self._mesh = vertices, faces
-
-    @cached_property
-    def _scene(self) -> Any:
-        """Index the facets: thin parts need no rays."""
-        return ray_scene(*self._mesh, 1)
-
-    def blocked(self, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
-        """Return behind which polygons (n,) a part that is `moved` or `cut` so deep has a facet in it, as rays find.
-
-        They go from the polygon to its moved copy, and across between the two. The others are to be tried in full, and
-        so are all thin ones.
-        """
-        if kind not in ("moved", "cut") or depth_m < _DEEP_M:
-            return np.zeros(len(polygons), bool)
-        return _blocked(self._scene, polygons, kind, depth_m)
-
-
-def _blocked(scene: Any, polygons: Polygons, kind: str, depth_m: float) -> np.ndarray:
-    """Return what `RaysIntoRock.blocked` does, of facets that rays meet."""
+    They go from the polygon to its moved copy, and across between the two. The others are to be tried in full, and
+    so are all thin ones. `inside` is that of the free space.
+    """
+    if kind not in ("moved", "cut") or depth_m < _DEEP_M:
+        return np.zeros(len(polygons), bool)
     found = np.zeros(len(polygons), bool)
     count = polygons.corners.shape[1]
     corners = shaped(polygons, "moved", depth_m).corners
@@ -48,8 +28,7 @@ def _blocked(scene: Any, polygons: Polygons, kind: str, depth_m: float) -> np.nd
     start = np.concatenate([start, np.repeat(half[:, :1], half.shape[1] - 1, axis=1)], axis=1)
     way = np.concatenate([end, half[:, 1:]], axis=1) - start
     start += _INSIDE_M * way / np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-9)
-    rays = np.concatenate([start, way], axis=2).astype(np.float32)
-    share = scene.cast_rays(rays, nthreads=1)["t_hit"].numpy()
+    share = inside.ways_m(start, way)
     body, ray = np.nonzero(share < 1)
     some, row = np.unique(body, return_inverse=True)
     hit = start[body, ray] + share[body, ray, None] * way[body, ray]

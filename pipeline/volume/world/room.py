@@ -10,6 +10,7 @@ from scipy.ndimage import maximum_filter
 from minexplore.floors.volume_arrays import WAYS, FacetLabel, FloorSpans, VolumeFacets
 from minexplore.physics.robot import CASTOR_M, RobotParams
 from minexplore.volume.standing import neighbours
+from pipeline.geometry.nearest_edges import nearest_edges
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.volume.world.reach import RobotSize
 
@@ -39,7 +40,7 @@ def room_of(volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray, robot: Ro
     Clearance is the level distance from the bottom and the top of a robot's chassis to rock, which is all that is no
     floor. It is also that to an edge of the floor, where there is rock 10 cm under it, and a castor's radius: a robot's
     wheels and castors touch the floor so far within its disc. Of cells where robots stand it is looked for at 5 x 5
-    places: 5 cm apart where cells are 0.25 m wide.
+    places: 5 cm apart where cells are 0.25 m wide. In a slab distances are those from the walls in plan.
     """
     count = len(slope)
     aside = np.zeros((count, 3))
@@ -70,28 +71,30 @@ class _Chassis:
     """The chassis of a robot on the floors of spans, and the rock beside it, whose heights are stretched."""
 
     def __init__(self, volume: VolumeFacets, bare: FloorSpans, slope: np.ndarray) -> None:
-        self._middle, self._stretched = volume.vertices.mean(axis=0), np.array([1.0, 1.0, _FLAT])
-        vertices = (volume.vertices - self._middle) * self._stretched
-        self._rock = NearestFacets(vertices, volume.faces[volume.label != FacetLabel.FLOOR], 1)
+        middle, self._stretched = volume.vertices.mean(axis=0), np.array([1.0, 1.0, _FLAT])
+        vertices = volume.vertices - middle
+        self._walls, self._roof_m = walls_of_slab(vertices, volume.faces), vertices[:, 2].max()
         robot, self._slope = RobotParams(), slope
         normal = np.column_stack([-slope, np.ones(len(slope))])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         ends = (robot.ground_clearance_m, _LOW), (robot.ground_clearance_m + robot.height_m, _HIGH)
         heights = [np.minimum(height, share * bare.headroom_m) for height, share in ends]
-        self._bottom, self._top, self._under = (
-            bare.places_m - self._middle + height[:, None] * normal
-            for height in (*heights, np.full(len(slope), -_EDGE_M))
+        bottom, top, self._under = (
+            bare.places_m - middle + height[:, None] * normal for height in (*heights, np.full(len(slope), -_EDGE_M))
         )
-        beside = self._beside_m(self._bottom), self._beside_m(self._top)
-        self._edge_m = self._beside_m(self._under) + CASTOR_M
-        self.middle_m = np.minimum(np.minimum(*beside), self._edge_m)
+        if self._walls is None:
+            rock = volume.faces[volume.label != FacetLabel.FLOOR]
+            self._rock = NearestFacets(vertices * self._stretched, rock, 1)
+            self._ends, self._edge_m = (bottom, top), self._beside_m(self._under) + CASTOR_M
+        else:  # walls are as far from top and bottom, and from below the floor farther
+            self._ends, self._edge_m = (top,), np.full(len(slope), np.inf)
+        self.middle_m = np.minimum.reduce([*map(self._beside_m, self._ends), self._edge_m])
 
     def clearance_m(self, spans: np.ndarray, aside_m: np.ndarray) -> np.ndarray:
         """Return the clearance (k, m) m of places (m, 2) m beside the middles of spans (k,)."""
         aside = np.empty((len(spans), len(aside_m), 3))
         aside[:, :, :2], aside[:, :, 2] = aside_m, self._slope[spans] @ aside_m.T
-        bottom, top = (self._beside_m(end[spans, None] + aside) for end in (self._bottom, self._top))
-        found: np.ndarray = np.minimum(bottom, top)
+        found: np.ndarray = np.minimum.reduce([self._beside_m(end[spans, None] + aside) for end in self._ends])
         way = np.sqrt(np.square(aside * self._stretched).sum(axis=2))  # an edge may be nearer by so much
         span, place = np.nonzero(self._edge_m[spans, None] - way < found + _OFF_M)
         edge = self._beside_m(self._under[spans[span]] + aside[span, place]) + CASTOR_M
@@ -100,8 +103,24 @@ class _Chassis:
 
     def _beside_m(self, places_m: np.ndarray) -> np.ndarray:
         """Return the level distances (...) m of places (..., 3) m from rock."""
+        if self._walls is not None:
+            walls = nearest_edges(self._walls, places_m[..., :2].reshape(-1, 2)).distance_m
+            return np.minimum(walls.reshape(places_m.shape[:-1]), _FLAT * (self._roof_m - places_m[..., 2]))
         seen = places_m * self._stretched
         return self._rock.rough_distances(seen.reshape(-1, 3)).reshape(seen.shape[:-1])
+
+
+def walls_of_slab(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
+    """Return the walls (k, 2, 2) m in plan of a mesh with a level floor, a level roof and plumb walls; else None."""
+    heights = vertices[:, 2]
+    low = heights == heights.min()
+    corners = low[faces]
+    stands = corners.any(axis=1) & ~corners.all(axis=1)
+    a, b, c = np.moveaxis(vertices[faces[stands]], 1, 0)
+    if (~low & (heights != heights.max())).any() or np.cross(b - a, c - a)[:, 2].any():
+        return None
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)[stands]
+    return vertices[edges[low[edges].all(axis=2)], :2]
 
 
 def _spread(room: np.ndarray, start: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ from pipeline.volume.rock.faces import PartFaces, faces_on_facets, polygons_shar
 from pipeline.volume.rock.intruding_volume import shared_m3
 from pipeline.volume.rock.polygons import polygons_of
 from pipeline.volume.rock.ragged import parts_of
-from pipeline.volume.rock.rays import RaysIntoRock
+from pipeline.volume.rock.rays import blocked
 from pipeline.volume.rock.shapes import shaped
 from pipeline.volume.rock.surfaces import RockSurfaces
 from pipeline.volume.rock.tiles import Tile
@@ -120,17 +120,15 @@ def test_a_facet_that_two_parts_cover_in_halves_is_covered(drift):
 
 @pytest.mark.parametrize("kind", ["moved", "cut"])
 def test_rays_block_deep_parts_between_two_drifts_and_none_that_fits(beside, kind):
-    rays = RaysIntoRock(beside.vertices, beside.faces)
-    blocked = {}
-    for depth in (0.3, 0.08):
-        blocked[depth] = 0
+    count = {0.3: 0, 0.08: 0}
+    for depth in count:
         for polygons in RockSurfaces(beside, polygons_of(beside)).polygons():
             bodies = shaped(polygons, kind, depth)
-            found = rays.blocked(polygons, kind, depth)
-            blocked[depth] += found.sum()
+            found = blocked(beside.inside, polygons, kind, depth)
+            count[depth] += found.sum()
             assert (shared_of(beside, list(bodies.corners[found])) > 0).all()
-    assert blocked[0.3] > 0
-    assert blocked[0.08] == 0
+    assert count[0.3] > 0
+    assert count[0.08] == 0
 
 
 def test_the_boxes_about_a_place_hold_all_of_the_free_space_there(beside):

@@ -8,6 +8,7 @@ import pytest
 
 from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.params.compile3d import SpawnParams
+from pipeline.volume.world import room
 from pipeline.volume.world.cells import _rounded_down, cells_of
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.proof.reached import straight_ways
@@ -116,6 +117,36 @@ def test_clearance_is_the_distance_from_the_wall_and_a_crawl_is_no_floor_to_stan
         assert (cells.clearance_m[inside] > expected - 1e-4).all()
     assert np.allclose(cells.clearance_m[inside], expected, atol=1e-4)
     assert (cells.storey[cells.places_m[:, 0] > 10.5] == -1).all()
+
+
+@pytest.mark.parametrize("height", [0.7, 3.0])
+def test_a_slab_has_the_clearances_in_plan_that_other_volumes_have_from_stretched_rock(height, monkeypatch):
+    slab = (box(0, 0, 0, 14, 12, height) - box(4, 4, 0, 2, 1.3, height)).rotate([0, 0, 20]).translate([3, 5, -2])
+    assert len(room.walls_of_slab(*_mesh(slab))) == 8
+    found = cells_of(volume_of(slab), 0.25, ROBOT)
+    monkeypatch.setattr(room, "walls_of_slab", lambda *_: None)
+    wanted = cells_of(volume_of(slab), 0.25, ROBOT)
+    for name in ("clearance_m", "way_m"):
+        assert np.abs(getattr(found, name) - getattr(wanted, name)).max() < 1.1e-3, name
+    assert (found.clearance_m == wanted.clearance_m).mean() > 0.95
+    assert np.array_equal(found.storey, wanted.storey)
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        manifold3d.Manifold.cylinder(3.0, 5.0, 4.0, 12),  # its walls lean
+        box(0, 0, 0, 5, 5, 3) + box(5, 0, 0, 5, 5, 2),
+        box(0, 0, 0, 5, 5, 3).rotate([3, 0, 0]),
+    ],
+)
+def test_what_has_a_third_height_or_a_wall_that_leans_is_no_slab(solid):
+    assert room.walls_of_slab(*_mesh(solid)) is None
+
+
+def _mesh(solid):
+    volume = volume_of(solid)
+    return volume.vertices, volume.faces
 
 
 def test_a_step_and_a_slope_that_a_robot_does_not_take_part_a_floor():
