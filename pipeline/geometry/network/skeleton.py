@@ -5,15 +5,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 
-import networkx as nx
 import numpy as np
 import shapely
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from pipeline.errors import GeometryError
-from pipeline.geometry.network.leg_graph import contract_pixels, prune_spurs
+from pipeline.geometry.network.leg_graph import GraphLeg, LegGraph, contract_pixels, prune_spurs
 from pipeline.geometry.network.thinning import thin_polygon
 from pipeline.geometry.polyline import resample
 from pipeline.geometry.wall_distance import distances_to_walls
@@ -65,12 +65,11 @@ def trace_networks(
             f"at cells of {1 / frame.px_per_m:.3g} m; some passage or pillar is thinner"
         )
     graph = contract_pixels(skeleton, frame)
-    nodes = list(graph)
-    clearance = distances_to_walls(free, np.array([graph.nodes[node]["xy"] for node in nodes]))
+    clearance = distances_to_walls(free, np.array([*graph.places_m.values()]))
     networks = []
     for min_leg_m in min_legs_m:
         kept = graph.copy()
-        prune_spurs(kept, dict(zip(nodes, clearance, strict=True)), min_leg_m)
+        prune_spurs(kept, dict(zip(graph.places_m, clearance, strict=True)), min_leg_m)
         networks.append(_describe(kept, free, station_spacing_m, 1 / frame.px_per_m))
     return networks
 
@@ -94,16 +93,14 @@ def trace_all_alike(
     ]
 
 
-def _describe(graph: nx.MultiGraph, free: Polygon, spacing_m: float, cell_m: float) -> DriftNetwork:
-    order = sorted(graph, key=lambda n: tuple(np.round(graph.nodes[n]["xy"], 3)))
+def _describe(graph: LegGraph, free: Polygon, spacing_m: float, cell_m: float) -> DriftNetwork:
+    order = sorted(graph.places_m, key=lambda n: tuple(np.round(graph.places_m[n], 3)))
     dead_ends = [n for n in order if graph.degree(n) == 1]
     names = {n: f"E{i:02d}" for i, n in enumerate(dead_ends)}
     names |= {n: f"J{i:02d}" for i, n in enumerate(n for n in order if n not in names)}
     rank = {n: i for i, n in enumerate(order)}
-    edges = sorted(
-        graph.edges(data=True), key=lambda e: (*sorted((rank[e[0]], rank[e[1]])), e[2]["length"], *e[2]["path"][1])
-    )
-    sampled = [resample(leg["path"], spacing_m) for _, _, leg in edges]
+    edges = sorted(graph.legs, key=lambda e: (*sorted((rank[e.first], rank[e.last])), e.length_m, *e.path[1]))
+    sampled = [resample(leg.path, spacing_m) for leg in edges]
     half_width = distances_to_walls(free, np.concatenate([points for _, points in sampled]))
     ends = np.cumsum([len(points) for _, points in sampled])
     legs = [
@@ -113,13 +110,14 @@ def _describe(graph: nx.MultiGraph, free: Polygon, spacing_m: float, cell_m: flo
         )
     ]
     route, line = _main_drift(graph)
+    components = int(connected_components(_links(graph), directed=False)[0])
     return DriftNetwork(
-        nodes_m={names[n]: (_cm(graph.nodes[n]["xy"][0]), _cm(graph.nodes[n]["xy"][1])) for n in order},
+        nodes_m={names[n]: (_cm(graph.places_m[n][0]), _cm(graph.places_m[n][1])) for n in order},
         legs=legs,
         junctions=[names[n] for n in order if graph.degree(n) > 2],
         dead_ends=[names[n] for n in dead_ends],
-        loops=graph.number_of_edges() - len(graph) + nx.number_connected_components(graph),
-        components=nx.number_connected_components(graph),
+        loops=len(edges) - len(order) + components,
+        components=components,
         total_length_m=_cm(sum(leg.length_m for leg in legs)),
         main_drift=[names[n] for n in route],
         main_drift_m=[(_cm(x), _cm(y)) for x, y in line],
@@ -132,38 +130,38 @@ def _cm(value: float) -> float:
     return round(float(value), 2)
 
 
-def _leg(name: str, names: dict, edge: tuple, chainage: np.ndarray, points: np.ndarray, half_width: np.ndarray) -> Leg:
-    first, last, leg = edge
+def _leg(
+    name: str, names: dict, leg: GraphLeg, chainage: np.ndarray, points: np.ndarray, half_width: np.ndarray
+) -> Leg:
     return Leg(
         name=name,
-        start=names[min(first, last)],
-        end=names[max(first, last)],
-        length_m=_cm(leg["length"]),
+        start=names[leg.first],
+        end=names[leg.last],
+        length_m=_cm(leg.length_m),
         chainage_m=[_cm(c) for c in chainage],
         stations_m=[(_cm(x), _cm(y)) for x, y in points],
         half_width_m=[_cm(half) for half in half_width],
     )
 
 
-def _main_drift(graph: nx.MultiGraph) -> tuple[list[int], np.ndarray]:
+def _main_drift(graph: LegGraph) -> tuple[list[int], np.ndarray]:
     """Return the longest of the shortest routes between two nodes, from west to east, and its line (n, 2) m."""
     a, b = _farthest_pair(graph)
-    if graph.nodes[a]["xy"][0] > graph.nodes[b]["xy"][0]:
+    if graph.places_m[a][0] > graph.places_m[b][0]:
         a, b = b, a
-    route = nx.dijkstra_path(graph, a, b, weight="length")
-    if len(route) == 1:  # a single ring: the route is the whole ring
-        return route, next(iter(graph.get_edge_data(a, a).values()))["path"]
-    line = [graph.nodes[a]["xy"][None]]
+    if a == b:  # a single ring: the route is the whole ring
+        return [a], graph.legs_at[a][0].path
+    route = graph.shortest_route(a, b)
+    line = [graph.places_m[a][None]]
     for p, q in itertools.pairwise(route):
-        leg = min(graph.get_edge_data(p, q).values(), key=lambda e: e["length"])
-        line.append((leg["path"] if p < q else leg["path"][::-1])[1:])
+        leg = min((leg for leg in graph.legs_at[p] if leg.first + leg.last == p + q), key=lambda leg: leg.length_m)
+        line.append((leg.path if p < q else leg.path[::-1])[1:])
     return route, np.vstack(line)
 
 
-def _farthest_pair(graph: nx.MultiGraph) -> tuple[int, int]:
+def _farthest_pair(graph: LegGraph) -> tuple[int, int]:
     """Return the two nodes with the longest shortest route, in micrometres; of equals the lowest numbers."""
-    nodes = sorted(graph)
-    links = nx.to_scipy_sparse_array(_shortest_edges(graph), nodes, weight="length")
+    nodes, links = sorted(graph.places_m), _links(graph)
     best, pair = -1.0, (nodes[0], nodes[0])
     for start in range(0, len(nodes), _ROWS):
         apart = np.round(dijkstra(links, directed=False, indices=np.arange(start, min(start + _ROWS, len(nodes)))), 6)
@@ -174,14 +172,16 @@ def _farthest_pair(graph: nx.MultiGraph) -> tuple[int, int]:
     return pair
 
 
-def _shortest_edges(graph: nx.MultiGraph) -> nx.Graph:
-    """Return a graph with the shortest of the legs between each two nodes."""
-    simple: nx.Graph = nx.Graph()
-    simple.add_nodes_from(graph)
-    for p, q, leg in graph.edges(data=True):
-        if p != q and leg["length"] < simple.get_edge_data(p, q, {"length": np.inf})["length"]:
-            simple.add_edge(p, q, length=leg["length"])
-    return simple
+def _links(graph: LegGraph) -> coo_array:
+    """Return the lengths, m, of the shortest legs between each two nodes, by their places in the nodes' order."""
+    number = {node: k for k, node in enumerate(sorted(graph.places_m))}
+    shortest = {
+        (number[leg.first], number[leg.last]): leg.length_m
+        for leg in sorted(graph.legs, key=lambda leg: -leg.length_m)
+        if leg.first != leg.last
+    }
+    ends = np.array([*shortest], int).reshape(-1, 2)
+    return coo_array(([*shortest.values()], ends.T), (len(number), len(number))).tocsr()
 
 
 def require_same_network(

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
-import networkx as nx
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -91,6 +90,8 @@ def cut_at_shafts(legs: list[SurveyLeg]) -> list[SurveyLeg]:
 
 def require_connected(path: Path, legs: list[SurveyLeg]) -> None:
     """Check that all legs are connected; `InputError` names the file, the legs and where they are nearest."""
+    import networkx as nx  # takes 0.2 s to load, and only readers ask
+
     graph: nx.Graph = nx.Graph()
     for leg in legs:
         nx.add_path(graph, leg.stations)

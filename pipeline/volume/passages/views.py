@@ -8,8 +8,9 @@ splay. Floors to drive on stay, with a sill about them.
 from __future__ import annotations
 
 import manifold3d
-import networkx as nx
 import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import ConvexHull
 
 from pipeline.geometry.ray_scene import ray_scene
@@ -51,16 +52,15 @@ def with_views(
         return passages
     stopped = _stopped(passages, network.splays_m)
     found = [passages]
-    graph: nx.Graph = nx.Graph()
-    for (a, b), far in zip(network.shots.tolist(), network.lengths_m.tolist(), strict=True):
-        graph.add_edge(a, b, length=far)
+    shots, row = np.unique(np.sort(network.shots, axis=1), axis=0, return_index=True)
+    links = coo_array((network.lengths_m[row], shots.T), (len(network.places_m),) * 2).tocsr()
     starts, station = np.unique(network.splays_m[:, 0].round(4), axis=0, return_inverse=True)
     station = station.reshape(-1)
     for number in np.unique(station[stopped]).tolist():
         away, own = np.linalg.norm(network.places_m - starts[number], axis=1), station == number
-        if away.min() <= _START_M and int(away.argmin()) in graph:
+        if away.min() <= _START_M and away.argmin() in shots:
             steps = np.diff(network.splays_m[own], axis=1)[:, 0]
-            found += _view(network, graph, int(away.argmin()), steps, stopped[own], legs, numbers)
+            found += _view(network, links, int(away.argmin()), steps, stopped[own], legs, numbers)
     return manifold3d.Manifold.batch_boolean(found, manifold3d.OpType.Add)
 
 
@@ -81,7 +81,7 @@ def _stopped(passages: manifold3d.Manifold, splays_m: np.ndarray) -> np.ndarray:
 
 def _view(
     network: SurveyNetwork,
-    graph: nx.Graph,
+    links: csr_array,
     station: int,
     steps: np.ndarray,
     stopped: np.ndarray,
@@ -90,8 +90,8 @@ def _view(
 ) -> list[manifold3d.Manifold]:
     """Return the view about the `stopped` splays among steps (k, 3) m from a station; none if none counts."""
     place, length = network.places_m[station], np.linalg.norm(steps, axis=1)
-    ways = nx.single_source_dijkstra_path_length(graph, station, cutoff=float(length.max()), weight="length")
-    near = np.flatnonzero(np.isin(network.shots, list(ways)).any(axis=1))
+    ways = dijkstra(links, directed=False, indices=station, limit=float(length.max()))
+    near = np.flatnonzero(np.isfinite(ways)[network.shots].any(axis=1))
     others = np.setdiff1d(np.flatnonzero(_ways_m(network.ends_m, place[None])[0] < 2 * length.max()), near)
     counts = length > _LEAST_M
     stopped, steps = stopped[counts], steps[counts]

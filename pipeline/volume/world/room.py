@@ -74,6 +74,7 @@ class _Chassis:
         middle, self._stretched = volume.vertices.mean(axis=0), np.array([1.0, 1.0, _FLAT])
         vertices = volume.vertices - middle
         self._walls, self._roof_m = walls_of_slab(vertices, volume.faces), vertices[:, 2].max()
+        self._ends: tuple[np.ndarray, ...]
         robot, self._slope = RobotParams(), slope
         normal = np.column_stack([-slope, np.ones(len(slope))])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)

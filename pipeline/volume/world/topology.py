@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import networkx as nx
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
@@ -86,7 +87,9 @@ def require_flat_leg(network: SurveyNetwork) -> None:
 
 def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
     """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
-    graph: nx.MultiGraph = nx.MultiGraph(network.shots.tolist())
+    used, ends, degree = np.unique(network.shots, return_inverse=True, return_counts=True)
+    links = coo_array((np.ones(len(network.shots)), ends.reshape(-1, 2).T), (len(used), len(used)))
+    pieces = int(connected_components(links, directed=False)[0])
     places = (network.places_m + offset_m).round(_DIGITS)
     lengths, grades = network.lengths_m, network.grades
     names = network.names
@@ -101,15 +104,13 @@ def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequenc
         )
         for k, (a, b) in enumerate(network.shots.tolist())
     ]
-    pieces = nx.number_connected_components(graph)
-    used = sorted(graph)
     return LegNetwork(
-        {names[n]: tuple(places[n].tolist()) for n in used},
+        {names[n]: tuple(places[n].tolist()) for n in used.tolist()},
         legs,
-        [names[n] for n in used if graph.degree(n) > 2],
-        [names[n] for n in used if graph.degree(n) == 1],
+        [names[n] for n in used[degree > 2].tolist()],
+        [names[n] for n in used[degree == 1].tolist()],
         [name for name in entrances if name in set(names)],
-        graph.number_of_edges() - graph.number_of_nodes() + pieces,
+        len(legs) - len(used) + pieces,
         pieces,
         round(float(lengths.sum()), _DIGITS),
     )

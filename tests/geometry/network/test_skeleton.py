@@ -10,7 +10,7 @@ from skimage.morphology import skeletonize
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.network.lee_thinning import thin_mask
-from pipeline.geometry.network.leg_graph import prune_spurs
+from pipeline.geometry.network.leg_graph import LegGraph, prune_spurs
 from pipeline.geometry.network.skeleton import _farthest_pair, trace_network
 from pipeline.geometry.network.thinning import skeleton_of, thin_polygon
 from tests.mines import RING, STRAIGHT, TEE, random_mine
@@ -48,13 +48,17 @@ def test_the_main_drift_of_a_t_junction_is_its_longest_route():
 
 def test_the_longest_route_is_that_between_all_pairs_of_nodes():
     rng = np.random.default_rng(1)
-    graph = nx.MultiGraph()
-    graph.add_nodes_from(range(300))
+    graph, wanted = LegGraph(), nx.MultiGraph()
+    wanted.add_nodes_from(range(300))
+    for node in range(300):
+        graph.add_node(node, np.zeros(2))
     for p, q in rng.integers(0, 300, (400, 2)).tolist():
-        graph.add_edge(p, q, length=float(rng.uniform(1, 9)))
+        length = float(rng.uniform(1, 9))
+        graph.add_leg(p, q, np.array([[0.0, 0.0], [length, 0.0]]))
+        wanted.add_edge(p, q, length=length)
     apart = {
         (a, b): round(d, 6)
-        for a, to in nx.all_pairs_dijkstra_path_length(graph, weight="length")
+        for a, to in nx.all_pairs_dijkstra_path_length(wanted, weight="length")
         for b, d in to.items()
     }
     most = max(apart.values())
@@ -62,16 +66,15 @@ def test_the_longest_route_is_that_between_all_pairs_of_nodes():
 
 
 def test_of_two_short_legs_at_a_fork_one_remains_as_the_end_of_the_drift():
-    graph = nx.MultiGraph()
+    graph = LegGraph()
     for node, xy in enumerate([(0, 0), (20, 0), (22, 1), (22.5, -1)]):
-        graph.add_node(node, xy=np.array(xy, float))
+        graph.add_node(node, np.array(xy, float))
     for end in (0, 2, 3):
-        path = np.array([graph.nodes[min(end, 1)]["xy"], graph.nodes[max(end, 1)]["xy"]])
-        graph.add_edge(end, 1, path=path, length=float(np.linalg.norm(path[1] - path[0])))
+        graph.add_leg(end, 1, np.array([graph.places_m[end], graph.places_m[1]]))
     prune_spurs(graph, {0: 2.0, 1: 2.0, 2: 0.3, 3: 0.3}, 2.0)
-    ((a, b, leg),) = graph.edges(data=True)
-    assert {a, b} == {0, 3}  # the shorter of the two went first, and the other is then no spur any more
-    assert leg["length"] == pytest.approx(20 + np.hypot(2.5, 1))
+    (leg,) = graph.legs
+    assert {leg.first, leg.last} == {0, 3}  # the shorter of the two went first, and the other is then no spur any more
+    assert leg.length_m == pytest.approx(20 + np.hypot(2.5, 1))
 
 
 @given(seed=st.integers(0, 10_000), drifts=st.integers(1, 8))
