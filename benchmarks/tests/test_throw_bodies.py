@@ -28,14 +28,14 @@ def test_each_facet_is_a_target_in_one_region_with_the_parts_about_it(tee):
 
 
 def test_no_body_gets_out_of_a_t_and_a_ball_is_pushed_at_each_facet(tee):
-    robots, balls = throw_everywhere(tee, 2000, 500)
-    assert robots.contacts >= 2000
+    robots, balls = throw_everywhere(tee, 500, 500)
+    assert robots.contacts >= 500
     assert robots.escapes == balls.escapes == 0
     assert balls.facets > 0.9 * len(tee.volume.faces)
 
 
 def test_bodies_get_out_where_walls_have_no_parts(tee):
     shut = [part for part in tee.parts if tee.volume.label[part.facets[0]] != FacetLabel.WALL]
-    robots, balls = throw_everywhere(dataclasses.replace(tee, parts=shut), 20_000, 500)
+    robots, balls = throw_everywhere(dataclasses.replace(tee, parts=shut), 500, 500)
     assert balls.escapes > 0
     assert robots.escapes > 0

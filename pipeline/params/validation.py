@@ -110,7 +110,9 @@ class VolumeProofParams(Params):
     arch_half_span_m: float = Field(default=2.75, gt=0, description="distance from walls at which these are as drawn")
     compiled: int = Field(default=500, ge=1, description="most collision parts whose compiled hull is measured")
     most_parts: int = Field(default=3000, ge=10, description="most collision parts about the bodies that are thrown")
-    robot_contacts: int = Field(default=2000, ge=0, description="contacts of the robots that are thrown; 0: none are")
+    robot_contacts: int = Field(
+        default=1000, ge=0, description="contacts of thrown robots with rock; 0: none are thrown"
+    )
     ball_contacts: int = Field(default=2000, ge=0, description="contacts of the balls that are pushed; 0: none are")
     seed: int = Field(default=9, ge=0, description="seed of the sampled parts and of what is thrown")
     limits: dict[str, Limit] = Field(

@@ -30,7 +30,7 @@ class GateCase:
     source: str
     options: tuple[str, ...] = ()
     is_table: bool = True
-    robot_contacts: int = 20_000
+    robot_contacts: int = 2_000  # of discs with rock
     ball_contacts: int = 20_000
     physics_within_m: float | None = None  # of the middle: MuJoCo's specs take 1 ms a part
 

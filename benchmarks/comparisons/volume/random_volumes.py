@@ -29,6 +29,7 @@ from pipeline.volume.shell import build_shell
 from pipeline.volume.world.content import in_mine_frame
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.proof.fronts import fronts_of
+from pipeline.volume.world.proof.surveyed.open_legs import open_figures
 from tests.heights import table
 
 _RANDOM = 200  # mines, and as many caves, by turns
@@ -72,6 +73,7 @@ def _measure(case: GateCase, folder: Path) -> dict[str, Any]:
         "parts": len(parts),
         "refused": refused,
         "survey.share_built": floor.share_built,
+        "survey.open_share": open_figures(network, np.zeros(3), volume)["open_share"],
         "floor.error_mm": 1e3 * floor.error_m,
         "floor.step_mm": 1e3 * floor.step_m,
         "floor.other_step_mm": 1e3 * floor.other_step_m,

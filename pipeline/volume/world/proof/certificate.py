@@ -39,6 +39,7 @@ from pipeline.volume.world.proof.region import Region, region_of
 from pipeline.volume.world.proof.scan import RayDeviation, ScanDeviation, measure_rays, measure_scan
 from pipeline.volume.world.proof.solid import measure_solid
 from pipeline.volume.world.proof.surveyed.leg_widths import width_figures
+from pipeline.volume.world.proof.surveyed.open_legs import open_figures
 from pipeline.volume.world.proof.surveyed.walls import line_figures, wall_figures
 from pipeline.volume.world.proof.throws import Throws, throw_balls, throw_robots
 from pipeline.volume.world.record import VolumeRecord
@@ -197,6 +198,7 @@ def _survey(
         "spaces": _spaces(volume),
         "entrances": len(world.record.volume.entrances),
         "closed_ends": len(world.record.volume.closed_ends),
+        **open_figures(network, offset, volume),
         **width_figures(network, offset, world.mine),
         **line_figures(network, offset, volume),
     }
@@ -210,10 +212,10 @@ def _spaces(volume: Volume) -> int:
 def _bodies(
     params: VolumeProofParams, volume: Volume, parts: list[ShellPart], rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Return robots at rest about one place, and escapes of robots and balls about some, as far as they are asked for.
+    """Return robots at rest about one place, robots that are thrown, and balls about some places, as far as asked for.
 
     Where a mine has more parts than one model may, they are shared out among the places. Robots rest at the first of
-    these places where the floor is even.
+    these places where the floor is even. They are thrown all over the mine.
     """
     found: dict[str, Any] = {}
     count = _PLACES if len(parts) > params.most_parts else 1
@@ -228,12 +230,7 @@ def _bodies(
     places = [region_of(volume, parts, params.most_parts // count, rng) for _ in range(count)]
     found["clearance"] = _clearance(params, volume, places)
     if params.robot_contacts:
-        asked = -(-params.robot_contacts // count)
-        thrown = (throw_robots(volume, one.parts, asked, rng, targets=one.targets) for one in places)
-        robots = sum(thrown, Throws())
-        found["robots"] = _thrown(robots) | {"deepest_m": round(robots.deepest_m, 5)}
-        if robots.deepest_m > 0 and robots.deepest_at is not None:
-            found["robots"]["deepest_at"] = describe_place(np.array(robots.deepest_at))
+        found["robots"] = _robots(throw_robots(volume, parts, params.robot_contacts, rng), params.robot_contacts)
     if params.ball_contacts:
         asked = -(-params.ball_contacts // count)
         thrown = (throw_balls(volume, one.parts, asked, False, rng, targets=one.targets) for one in places)
@@ -265,6 +262,15 @@ def _clearance(params: VolumeProofParams, volume: Volume, places: list[Region]) 
     worst = max(errors, key=lambda error: error.error_m)
     at = {} if worst.place_m is None else {"error_at": describe_place(worst.place_m)}
     return {"places": sum(error.places for error in errors), "error_m": round(worst.error_m, 5)} | at
+
+
+def _robots(found: Throws, asked: int) -> dict[str, Any]:
+    """Return the figures of thrown robots; where none fits before a wall, no contact that was asked for is missing."""
+    share = min(1.0, found.contacts / asked) if found.throws else 1.0
+    figures = _thrown(found) | {"contacts_share": round(share, 6), "deepest_m": round(found.deepest_m, 5)}
+    if found.deepest_m > 0 and found.deepest_at is not None:
+        figures["deepest_at"] = describe_place(np.array(found.deepest_at))
+    return figures
 
 
 def _thrown(found: Throws) -> dict[str, Any]:

@@ -29,6 +29,7 @@ ROBOTS = 12
 # Rise over run. On an even plane of 0.2 the robot creeps by up to 18 mm in 5 s, of 0.25 by 27, of 0.35 by 54: its
 # wheels turn under its weight, and its castors bear some of it and have no friction. On steeper floors it slides.
 STEEPEST = 0.2
+STEEPEST_UP = np.cos(np.radians(20))  # of the normal of a floor on which robots are put
 _PLANE_M, _APART_M = 3.0, 10.0  # half a side of an even plane, and between two
 _SPARE_M, _AHEAD_M = 0.1, 0.7  # beside a robot's disc; a climbing robot needs 0.6 m
 _STEP_M, _STEPS, _RING = 0.2, 4, 8  # a robot's length about a place, where its wheels and castors come to
@@ -89,7 +90,7 @@ def places_for_robots(
     rise = np.hypot(*normal[:, :2].T) / np.maximum(normal[:, 2], 1e-9)
     further = middle + ahead_m * np.column_stack([uphill, rise])
     disc = normal * (wide + 0.02)
-    fits = np.flatnonzero(normal[:, 2] > np.cos(np.radians(20)))
+    fits = np.flatnonzero(normal[:, 2] > STEEPEST_UP)
     for places, free_m in (
         (middle + disc, wide),
         (further + disc, robot.radius_m),

@@ -15,6 +15,7 @@ from minexplore.volume.columns import FloorColumns
 from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.world.proof.physics import add_robots, spec_of, stand
+from pipeline.volume.world.proof.region import parts_about
 from pipeline.volume.world.reach import RobotSize, covered, neighbours_of, regions_of, roomy_pairs_of
 
 WAYS = 24  # robots, each on a way of its own
@@ -82,7 +83,8 @@ def measure_drives(
     normals = -facets.normals[columns.facets_under(starts + [0, 0, _LOOK_M])]  # noqa: RUF005
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     floor = facets.label == FacetLabel.FLOOR
-    model = spec_of(_parts_about(parts, places), add_robots(len(ways)), floor).compile()
+    near = parts_about(parts_of([part.corners for part in parts]).boxes_m, places, _ABOUT_M)
+    model = spec_of([parts[k] for k in near], add_robots(len(ways)), floor).compile()
     data, yaw = mujoco.MjData(model), np.arctan2(*(places[:, 1] - starts)[:, 1::-1].T)
     at = [stand(data, model, f"r{n}", starts[n], normals[n], float(yaw[n])) for n in range(len(ways))]
     return DrivenWays(len(ways), int(_drive(model, data, np.array(at), places).sum()))
@@ -102,15 +104,6 @@ def straight_ways(cells: FloorSpans, pairs: np.ndarray) -> np.ndarray:
         moved = np.all([one != other for one, other in pairwise(chain)], axis=0)
         ways.append(np.column_stack(chain)[moved])
     return np.concatenate(ways)
-
-
-def _parts_about(parts: list[ShellPart], places: np.ndarray) -> list[ShellPart]:
-    """Return the parts whose boxes come near ways, by their places (n, k, 3) m."""
-    low, high = parts_of([part.corners for part in parts]).boxes_m
-    near = np.zeros(len(parts), bool)
-    for way in places:
-        near |= ((low < way.max(axis=0) + _ABOUT_M) & (high > way.min(axis=0) - _ABOUT_M)).all(axis=1)
-    return [parts[k] for k in np.flatnonzero(near)]
 
 
 def _drive(model: mujoco.MjModel, data: mujoco.MjData, at: np.ndarray, places: np.ndarray) -> np.ndarray:

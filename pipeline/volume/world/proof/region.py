@@ -53,6 +53,14 @@ def regions_over(volume: Volume, parts: list[ShellPart], most: int) -> Iterator[
         left &= ~found.targets
 
 
+def parts_about(boxes_m: tuple[np.ndarray, np.ndarray], ways_m: np.ndarray, about_m: float | np.ndarray) -> np.ndarray:
+    """Return the parts (k,) whose boxes, least and greatest corners (p, 3) m, come near ways (n, w, 3) m."""
+    (low, high), near = boxes_m, np.zeros(len(boxes_m[0]), bool)
+    for way in ways_m:
+        near |= ((low < way.max(axis=0) + about_m) & (high > way.min(axis=0) - about_m)).all(axis=1)
+    return np.flatnonzero(near)
+
+
 class _PartsAbout:
     """The parts and facets of a volume by their distance from a place: half the edge of the box about it."""
 

@@ -1,21 +1,31 @@
-"""What is thrown and pushed at the parts: balls at every facet, robots from every floor."""
+"""What is thrown and pushed at the parts: balls at every facet, robots at walls that stand on floors."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
 
-from minexplore.physics.robot import ROCK_BIT, RobotParams
+from minexplore.floors.volume_arrays import FacetLabel
+from minexplore.physics.robot import ROCK_BIT, ROCK_BODY, RobotParams
+from pipeline.volume.height_field.leg_lines import drop
+from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
-from pipeline.volume.world.proof.physics import ROBOTS, add_robots, places_for_robots, spec_of, stand
+from pipeline.volume.world.proof.physics import ROBOTS, STEEPEST_UP, add_robots, spec_of, stand
+from pipeline.volume.world.proof.region import parts_about
 
 _BALLS = ((0.15, 300.0, 5.0), (0.06, 40.0, 0.5), (0.03, 10.0, 0.1))  # radius m, push N, mass kg
 _BALLS_EACH = 32
 _PUSHED, _DRIVEN, _LOOKED = 40, 160, 20  # physics steps after a throw; between two looks at where robots are
-_FASTEST_MPS = 3.0
+_SLOWEST_MPS, _FASTEST_MPS, _TURN_RADPS = 0.5, 3.0, 1.5
+_OFF_RAD = 0.5  # of a robot's heading from its way to the wall
+_RUN_UP_M = (0.05, 0.6)  # between a robot's disc and the place that it is thrown at, as of level worlds
+_DRAWN = 4096  # places of walls, beside all their corners
+_OVER_M, _SPARE_M = 0.3, 0.02  # from corners to where they are thrown at; between a floor and a ball of the disc's size
+_REACH_M = np.array([2.8, 2.8, 3.5])  # of a thrown robot's edge in 0.8 s: 2.4 m at 3 m/s, and 3.1 m as it falls
+_MOST = 20  # steps of robots for each contact
 _RAYS = 64  # from a disc's middle outwards: 3 cm apart at its rim
 
 
@@ -123,6 +133,63 @@ class _Facets:
         return found
 
 
+@dataclass(frozen=True)
+class RunUps:
+    """Where robots stand before they are thrown.
+
+    Attributes
+    ----------
+    places_m, ups : (n, 3) float64
+        Places on floors, m, and the floors' normals there.
+    towards : (n, 2) float64
+        Unit vectors, seen from above, to the places of walls that they are thrown at.
+    facets : (n,) int64
+        The facets of these walls.
+    """
+
+    places_m: np.ndarray
+    ups: np.ndarray
+    towards: np.ndarray
+    facets: np.ndarray
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return len(self.facets)
+
+    def some(self, rows: np.ndarray) -> RunUps:
+        """Return those of some rows."""
+        return RunUps(self.places_m[rows], self.ups[rows], self.towards[rows], self.facets[rows])
+
+
+def run_ups(volume: Volume, rng: np.random.Generator, targets: np.ndarray | None = None) -> RunUps:
+    """Return places on floors where a robot fits, each before a corner of a wall or before a place drawn by area.
+
+    `targets` (f,) says which facets count; None is all.
+    """
+    wall = np.flatnonzero((volume.label == FacetLabel.WALL) & (True if targets is None else targets))
+    area = np.linalg.norm(volume.normals[wall], axis=1)
+    if not area.any():
+        return RunUps(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2)), np.zeros(0, int))
+    corners, facet = np.unique(volume.faces[wall], return_index=True)
+    drawn = rng.choice(len(wall), _DRAWN, p=area / area.sum())
+    on_walls = np.einsum("ki,kij->kj", rng.dirichlet(np.ones(3), _DRAWN), volume.vertices[volume.faces[wall[drawn]]])
+    place = np.concatenate([volume.vertices[corners] + [0, 0, _OVER_M], on_walls])
+    facet, robot, inside = wall[np.concatenate([facet // 3, drawn])], RobotParams(), volume.inside
+    heading, run_up = rng.uniform(-np.pi, np.pi, len(place)), rng.uniform(*_RUN_UP_M, len(place))
+    towards = np.column_stack([np.cos(heading), np.sin(heading)])
+    place[:, :2] -= towards * (robot.radius_m + run_up)[:, None]
+    free = inside.rays_say_free(place)
+    place, towards, facet = place[free], towards[free], facet[free]
+    floor, height = drop(volume.vertices, volume.faces, place)
+    up = -volume.normals[floor]
+    up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-30)
+    stands = (floor >= 0) & (volume.label[floor] == FacetLabel.FLOOR) & (up[:, 2] > STEEPEST_UP)
+    place[:, 2] = height
+    found = RunUps(place, up, towards, facet).some(stands)
+    disc = found.places_m + found.ups * (robot.radius_m + _SPARE_M)
+    return found.some(inside.are_farther(disc, robot.radius_m))
+
+
 def throw_robots(
     volume: Volume,
     parts: list[ShellPart],
@@ -130,43 +197,60 @@ def throw_robots(
     rng: np.random.Generator,
     targets: np.ndarray | None = None,
 ) -> Throws:
-    """Throw robots from floors in all directions at up to 3 m/s, and drive them on at full throttle.
+    """Throw robots at walls at up to 3 m/s and drive them on at full throttle until they had contacts with rock.
 
-    `targets` (f,) says which floors they are thrown from; None is all.
+    Twelve are thrown at once, each at a place of its own, among the parts about these places. A robot whose chassis
+    touches a part that is not behind a floor has one contact in each tenth of a second, as a step of the environment
+    has; wheels, castors and floors do not count. The throws end without the contacts when twenty times as many steps
+    had none. `targets` (f,) says which facets are thrown at; None is all.
     """
-    model = spec_of(parts, add_robots(ROBOTS)).compile()
-    data, inside, robot = mujoco.MjData(model), volume.inside, RobotParams()
-    places, normals = places_for_robots(volume, targets=targets)
-    if not len(places):
-        return Throws()
-    discs = [data.geom(f"r{number}_chassis") for number in range(ROBOTS)]
-    touched, begun, escapes, deepest = 0, [np.zeros(0, int)], 0, Throws()
-    for _ in range(100 * (1 + contacts // (ROBOTS * _DRIVEN))):
-        if touched >= contacts:
+    starts, found = run_ups(volume, rng, targets), Throws()
+    if not len(starts):
+        return found
+    boxes = parts_of([part.corners for part in parts]).boxes_m
+    is_rock = np.array([volume.label[part.facets[0]] != FacetLabel.FLOOR for part in parts])
+    begun = [np.zeros(0, int)]
+    for _ in range(_MOST * max(1, contacts // (ROBOTS * _DRIVEN // _LOOKED))):
+        if found.contacts >= contacts:
             break
-        mujoco.mj_resetData(model, data)
-        body = []
-        begun.append(rng.integers(len(places), size=ROBOTS))
-        for number, k in enumerate(begun[-1]):
-            yaw, name = rng.uniform(-np.pi, np.pi), f"r{number}"
-            body.append(stand(data, model, name, places[k], normals[k], yaw))
-            speed = rng.uniform(0, _FASTEST_MPS)
-            at = int(model.joint(f"{name}_free").dofadr[0])
-            data.qvel[at : at + 2] = speed * np.array([np.cos(yaw), np.sin(yaw)])
-            data.ctrl[2 * number : 2 * number + 2] = np.array(
-                robot.wheel_speeds(np.array([speed]), rng.uniform(-1.5, 1.5, 1))
-            ).ravel()
-        for step in range(1, _DRIVEN + 1):
+        some = starts.some(rng.integers(len(starts), size=ROBOTS))
+        begun.append(some.facets)
+        near = parts_about(boxes, some.places_m[:, None], _REACH_M)
+        found += _throw_at_once(volume, [parts[k] for k in near], is_rock[near], some, rng)
+    return replace(found, facets=len(np.unique(np.concatenate(begun))))
+
+
+def _throw_at_once(
+    volume: Volume, parts: list[ShellPart], is_rock: np.ndarray, starts: RunUps, rng: np.random.Generator
+) -> Throws:
+    """Throw a robot from each start (n,) among parts (p,), of which some are rock."""
+    model, count = spec_of(parts, add_robots(len(starts))).compile(), len(starts)
+    data, inside, robot = mujoco.MjData(model), volume.inside, RobotParams()
+    yaw = np.arctan2(*starts.towards[:, ::-1].T) + rng.normal(0, _OFF_RAD, count)
+    speed, turn = rng.uniform(_SLOWEST_MPS, _FASTEST_MPS, count), rng.uniform(-_TURN_RADPS, _TURN_RADPS, count)
+    at = [stand(data, model, f"r{n}", starts.places_m[n], starts.ups[n], float(yaw[n])) for n in range(count)]
+    for n in range(count):
+        dof = int(model.joint(f"r{n}_free").dofadr[0])
+        data.qvel[dof : dof + 2] = speed[n] * starts.towards[n]
+    data.ctrl[:] = np.array(robot.wheel_speeds(np.full(count, _FASTEST_MPS), turn)).T.ravel()
+    discs = [data.geom(f"r{n}_chassis") for n in range(count)]
+    robot_of, rock = np.full(model.ngeom, -1), np.zeros(model.ngeom, bool)
+    robot_of[[disc.id for disc in discs]] = np.arange(count)
+    first = int(model.body(ROCK_BODY).geomadr[0])
+    rock[first : first + len(parts)] = is_rock
+    found = Throws(throws=count)
+    for _ in range(_DRIVEN // _LOOKED):
+        touched = np.zeros(count, bool)
+        for _ in range(_LOOKED):
             mujoco.mj_step(model, data)
-            touched += data.ncon
-            if step % _LOOKED:
-                continue
-            here = np.array([data.qpos[at : at + 3] for at in body])
-            escapes += int(inside.are_in_rock(here).sum())
-            middles = np.array([disc.xpos for disc in discs])
-            deepest += deepest_disc(volume, middles, np.array([disc.xmat.reshape(3, 3) for disc in discs]))
-    found = Throws(touched, ROBOTS * (len(begun) - 1), escapes, len(np.unique(np.concatenate(begun))))
-    return found + deepest
+            pairs = data.contact.geom
+            for one, other in (pairs.T, pairs.T[::-1]):
+                touched[robot_of[one[rock[other]]]] |= robot_of[one[rock[other]]] >= 0
+        here = data.qpos[np.array(at)[:, None] + np.arange(3)]
+        middles = np.array([disc.xpos for disc in discs])
+        deepest = deepest_disc(volume, middles, np.array([disc.xmat.reshape(3, 3) for disc in discs]))
+        found += replace(deepest, contacts=int(touched.sum()), escapes=int(inside.are_in_rock(here).sum()))
+    return found
 
 
 def deepest_disc(volume: Volume, middles: np.ndarray, axes: np.ndarray) -> Throws:
