@@ -40,7 +40,7 @@ _BEYOND_CIRCLE = re.compile(r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: (Suspicio
 # Survex only warns of a name that no leg has: mistyped in *equate it leaves a loop open, in *entrance a portal shut.
 _OF_NO_LEG = re.compile(
     r"^(.*?):(\d+)(?::\d+(?:-\d+)?)?: warning: "
-    r"(Station .* referred to (?:just once.*|by \*entrance or \*export but never used.*))$"
+    r"(Station .(\S+). referred to (?:just once.*|by \*entrance or \*export but never used.*))$"
 )
 # Survex 1.4 turns bearings by a right angle in systems whose first axis is north, such as EPSG:2193 and EPSG:31467:
 # findings/survex-north-first-systems-turn-legs.sh.
@@ -139,6 +139,7 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
             survey = read_3d(result)
         except InputError as error:
             raise InputError(str(error).replace(str(result), f"{path}: the result of cavern")) from error
+        _warn_of_mistyped(path, source, output, written, survey)
         require_printed_length(path, output, survey)
         title = path.stem if survey.title == source.stem else survey.title
         return replace(survey, title=title, names=written.names(survey.names), doubt=doubt)
@@ -147,7 +148,7 @@ def solve(path: Path, written: Written, declination_deg: float | None = None) ->
 def _require_sound(path: Path, source: Path, output: str, written: Written) -> None:
     """Refuse readings that no instrument shows and bearings that are turned wrongly.
 
-    Those beyond 360 deg are listed, and names that no leg has.
+    Those beyond 360 deg are listed.
     """
     unreal = _named(_UNREAL, path, source, output, written)
     if unreal is not None:
@@ -161,21 +162,32 @@ def _require_sound(path: Path, source: Path, output: str, written: Written) -> N
             of=path.name,
             count=count,
         )
-    mistyped = _named(_OF_NO_LEG, path, source, output, written)
-    if mistyped is not None:
-        count = sum(_OF_NO_LEG.match(line) is not None for line in output.splitlines())
-        warn_user(
-            "names in equates, entrances or exports are of no station of a leg, and tie or open nothing; the first is "
-            f"{mistyped.removeprefix(f'{path.parent}/')}",
-            of=path.name,
-            count=count,
-        )
     turned = _named(_CONVERGENCE, path, source, output, written)
     if turned is not None:
         raise InputError(
             f"{turned}; this version of Survex turns bearings wrongly in this coordinate system; fix the stations "
             "in another one (UTM), or state *declination as a number"
         )
+
+
+def _warn_of_mistyped(path: Path, source: Path, output: str, written: Written, survey: SolvedSurvey) -> None:
+    """List names that no leg has: those that Survex warns of, with the first's line, and the others of equates.
+
+    Survex warns of none whose equate is in its own survey; such a station has no flag
+    (findings/survex-mistyped-equate-is-silent.sh).
+    """
+    listed = [found[4] for line in output.splitlines() if (found := _OF_NO_LEG.match(line))]
+    names = zip(survey.names, survey.station_flags, strict=True)
+    others = [name for name, flags in names if name and not flags and name not in listed]
+    if not listed and not others:
+        return
+    first = _named(_OF_NO_LEG, path, source, output, written) or written.names(tuple(others))[0]
+    warn_user(
+        "names in equates, entrances or exports are of no station of a leg, and tie or open nothing; the first is "
+        f"{first.removeprefix(f'{path.parent}/')}",
+        of=path.name,
+        count=len(listed) + len(others),
+    )
 
 
 def hanging_stations(output: str) -> list[str]:

@@ -16,7 +16,8 @@ from minesurveys.solved.project_files import project_files
 
 FLAGS = ("surface", "duplicate", "splay")  # of shots, as Survex and Therion call them
 PASSAGE = "*data passage station left right up down"
-NAME_CHARACTERS = "_-+~"  # beside letters and digits: `*set names` takes them
+POINT = "~"  # stands for the point of a station's name, which parts surveys in Survex
+NAME_CHARACTERS = f"_-+{POINT}"  # beside letters and digits: `*set names` takes them
 _PLAIN = re.compile(r"[A-Za-z0-9_-]*")
 # Survex 1.4 knows anonymous stations in the style `normal` only. `written_name` writes ~ otherwise.
 _UNNAMED = "~~"
@@ -142,7 +143,7 @@ def _read_name(name: str) -> str:
 
 def _read_text(text: str) -> str:
     """Return a text of Survex with the characters that names in it stand for."""
-    return _WRITTEN.sub(lambda found: chr(min(int(found[1], 16), 0x10FFFF)), text)
+    return _WRITTEN.sub(lambda found: chr(min(int(found[1], 16), 0x10FFFF)), text.replace(POINT, "."))
 
 
 def flagged_together(lines: list[str]) -> list[str]:

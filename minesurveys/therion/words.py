@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 
 from minesurveys.errors import InputError
-from minesurveys.survex.survex_text import FLAGS, written_name, written_survey
+from minesurveys.survex.survex_text import FLAGS, POINT, written_name, written_survey
 
-_DOT = "~"  # stands for the point of a station's name, which parts surveys in Survex
 SKIPPED_BLOCKS = {"map", "scrap", "surface", "grade", "layout", "lookup", "line", "area", "revise", "scan"}
 _LONGEST_NAME = 200
 _NUMBER = re.compile(r"[+-]?(\d{1,12}\.?\d{0,17}|\.\d{1,17})(e[+-]?\d{1,2})?", re.IGNORECASE)
@@ -52,7 +51,7 @@ def station_for_survex(where: str, name: str) -> str:
     outer = [written_survey(require_name(where, part)) for part in reversed(surveys.split("."))] if surveys else []
     if station.startswith("."):
         raise InputError(f"{where}: station {name[:60]!r}: a name does not begin with a point")
-    inner = _DOT.join(written_name(part) for part in require_name(where, station).split("."))
+    inner = POINT.join(written_name(part) for part in require_name(where, station).split("."))
     return ".".join([*outer, inner])
 
 

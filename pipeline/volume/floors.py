@@ -10,9 +10,10 @@ from pipeline.volume.coarse import coarse_floors
 from pipeline.volume.height_field.heights import solve_heights
 from pipeline.volume.height_field.leg_lines import along_legs, way_samples
 from pipeline.volume.height_field.slabs import PassageFloors, slabs_of
-from pipeline.volume.labelled_solid import simplified
+from pipeline.volume.labelled_solid import simplified, with_short_edges
 from pipeline.volume.network import NEAR_M, SurveyNetwork
 from pipeline.volume.passages.views import with_views
+from pipeline.volume.rock.polygons import LONGEST_M
 from pipeline.volume.slivers import without_slivers
 from pipeline.volume.thin_rock import without_thin_rock
 from pipeline.volume.union import Solid, Volume, mesh_of, pieces_of, solids_of, without_crumbs
@@ -36,7 +37,8 @@ def solve_floors(network: SurveyNetwork) -> Volume:
     simple.label[(_upward(simple) > _ROOF_NZ) & (simple.label == FacetLabel.WALL)] = FacetLabel.ROOF
     along = along_legs(simple, network, network.near_legs(NEAR_M), simple.label == FacetLabel.FLOOR)
     coarse = coarse_floors(simple, along.facet, along.weights, along.height_m)
-    return without_thin_rock(without_slivers(coarse), way_samples(network, _SAMPLE_M)[0])
+    thick = without_thin_rock(without_slivers(coarse), way_samples(network, _SAMPLE_M)[0])
+    return with_short_edges(thick, LONGEST_M)
 
 
 def _upward(volume: Volume) -> np.ndarray:

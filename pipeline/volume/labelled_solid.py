@@ -79,6 +79,18 @@ def of_facets(volume: Volume, numbers: np.ndarray) -> Volume:
     )
 
 
+def with_short_edges(volume: Volume, longest_m: float) -> Volume:
+    """Return the volume with its facets split so that no edge is longer than a length, m; the same surface.
+
+    A part is as long as its facet, and MuJoCo keeps the corners of long ones less exactly.
+    """
+    corners = volume.vertices[volume.faces]
+    if np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max() <= longest_m:
+        return volume
+    one = keyed(volume, volume.vertices, volume.label)
+    return volume_of(KeyedSolid(one.solid.refine_to_length(longest_m), one.keys), volume)
+
+
 def simplified(volume: Volume, stays: np.ndarray, tolerance_m: float) -> Volume:
     """Return the volume without the vertices that no shape needs.
 

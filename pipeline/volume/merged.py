@@ -10,15 +10,13 @@ from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.geometry.facets.separation import ROUNDING_M, ConvexBodies, Facets
 from pipeline.volume.mesh_edges import MeshEdges, ranges
+from pipeline.volume.rock.polygons import LONGEST_M
 from pipeline.volume.rock.ragged import parts_of
 from pipeline.volume.rock.shapes import padded
 from pipeline.volume.shell import ShellPart
 from pipeline.volume.union import Volume
 
 _PLUMB = 1e-9  # upward part of a normal
-# Of a part, whose corners MuJoCo keeps in 32 bits about its middle, and so within 0.01 mm:
-# findings/mujoco-mesh-corners-of-32-bits.sh.
-LONGEST_M = 100.0
 _ACROSS_M = 20.0  # between plumb walls that one prism may be behind
 _PRODUCTS = 1_000_000  # of corners and planes at once
 _TOGETHER = 256  # hulls that are tried at once, those with equally many corners together

@@ -28,7 +28,8 @@ def build_floor(workings: BaseGeometry, lines: list[np.ndarray], datum_m: float)
     """Triangulate workings about lines of known floor height and find the heights between.
 
     The heights are harmonic: the lines' heights are kept, and there is no slope across the walls. Along a straight
-    drift the floor is then linear between the points of its line and level across.
+    drift the floor is then linear between the points of its line and level across. A floor whose lines have one height
+    is level and has the corners of the walls alone.
 
     Parameters
     ----------
@@ -46,6 +47,12 @@ def build_floor(workings: BaseGeometry, lines: list[np.ndarray], datum_m: float)
     # Else results are rounded to the grid that it carries: findings/shapely-grid-of-the-first-shape-counts.sh.
     workings = shapely.set_precision(workings, 0.0)
     mesh = Triangulation(workings)
+    given = np.concatenate(lines)
+    if np.ptp(given[:, 2]) == 0.0:
+        _require_lines(workings, given)
+        points, faces = mesh.arrays()
+        level = np.column_stack([points, np.full(len(points), given[0, 2])])
+        return FloorMesh(level, faces.astype(np.int32), datum_m)
     near: dict[int, list[tuple[float, float]]] = defaultdict(list)
     fine = [_fill(line) for line in lines]
     for line in fine:
@@ -60,6 +67,19 @@ def build_floor(workings: BaseGeometry, lines: list[np.ndarray], datum_m: float)
     points, faces = mesh.arrays()
     heights = _harmonic(points, faces, {number: float(np.mean(rows)) for number, rows in known.items()})
     return FloorMesh(np.column_stack([points, heights]), faces.astype(np.int32), datum_m)
+
+
+def _require_lines(workings: BaseGeometry, given: np.ndarray) -> None:
+    """Refuse workings of which a piece has no point (n, 3) m of a line within it or on its wall."""
+    points = shapely.multipoints(given[:, :2])
+    for piece in shapely.get_parts(workings):
+        if shapely.distance(piece, points) > _ON_WALL_M:
+            raise _unknown(shapely.get_coordinates(piece)[0])
+
+
+def _unknown(place_m: np.ndarray) -> GeometryError:
+    x, y = place_m
+    return GeometryError(f"floor: no height is known for the workings at ({x:.1f}, {y:.1f})")
 
 
 def _nearest(rows: list[tuple[float, float]]) -> list[float]:
@@ -134,7 +154,6 @@ def _harmonic(points: np.ndarray, faces: np.ndarray, known: dict[int, float]) ->
     if len(free):
         found = solve_heights(stiff[free][:, free].tocsc(), -stiff[free][:, pinned] @ heights[pinned])
         if not np.isfinite(found).all():
-            x, y = points[free[int(np.argmin(np.isfinite(found)))]]
-            raise GeometryError(f"floor: no height is known for the workings at ({x:.1f}, {y:.1f})")
+            raise _unknown(points[free[int(np.argmin(np.isfinite(found)))]])
         heights[free] = found
     return heights

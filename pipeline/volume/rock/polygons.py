@@ -9,6 +9,9 @@ import numpy as np
 from pipeline.volume.mesh_edges import MeshEdges
 from pipeline.volume.union import Volume
 
+# Of a part along an axis: MuJoCo keeps its corners in 32 bits about its middle, and so within 0.01 mm:
+# findings/mujoco-mesh-corners-of-32-bits.sh.
+LONGEST_M = 100.0
 _LONGEST = 2.0  # of a corner's way into the rock, in depths: at sharp edges the corner stays nearer
 _FLAT = 1e-6  # m, of the corners of one polygon from its plane
 _PARALLEL = 1e-9  # of the cosine between facets of one plane
@@ -18,7 +21,7 @@ _RIDGE = 1e-3
 
 
 def polygons_of(volume: Volume) -> list[tuple[list[int], list[int]]]:
-    """Return convex polygons of coplanar facets with one label: their vertices in order, and their facets."""
+    """Return convex polygons of coplanar facets with one label, up to 100 m long: vertices in order, and facets."""
     normal = volume.normals
     unit = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
     beside = MeshEdges.of(volume).facets(np.roll(volume.faces, -1, axis=1), volume.faces)
@@ -60,7 +63,8 @@ def _joined(
         if joined is None or not _is_convex([places[v] for v in joined], units[one]):
             continue
         both = held[one] + held[two]  # the plane of a narrow facet may be far off beyond it
-        if np.abs(volume.vertices[joined] @ unit[both].T - level[both]).max() > _OF_EACH:
+        at = volume.vertices[joined]
+        if np.ptp(at, axis=0).max() > LONGEST_M or np.abs(at @ unit[both].T - level[both]).max() > _OF_EACH:
             continue
         ring[one] = joined
         held[one] += held.pop(two)

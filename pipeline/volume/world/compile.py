@@ -23,9 +23,11 @@ from pipeline.types import ClosedMesh, SurveyedLegs, VolumeShape, lines_of
 from pipeline.volume.areas import solid_of_floors
 from pipeline.volume.floors import solve_floors
 from pipeline.volume.height_field.assumed_roofs import ROCK_M
+from pipeline.volume.labelled_solid import with_short_edges
 from pipeline.volume.merged import merge_parts
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.rock.parted import parted
+from pipeline.volume.rock.polygons import LONGEST_M
 from pipeline.volume.shell import build_shell
 from pipeline.volume.thin_rock import NARROW_M, without_thin_rock
 from pipeline.volume.union import Volume
@@ -164,6 +166,7 @@ def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) ->
         solved = volume_of_solid(solid, robot.steepest)
     vertices = parted(solved.vertices, solved.faces)
     solved = replace(solved, vertices=vertices, label=labels_of(vertices, solved.faces, robot.steepest))
+    solved = with_short_edges(solved, LONGEST_M)
     bare = mine_volume(solved, solved.source)
     cells = cells_of(bare, params.grid_cell_m, robot)
     surveyed = legs_on_floors(cells, robot, solid.datum_m)

@@ -262,6 +262,15 @@ def test_names_of_no_leg_are_listed_as_the_loop_that_they_should_tie_stays_open(
 
 
 @needs_cavern
+def test_a_name_of_no_leg_is_listed_where_survex_is_silent(tmp_path, capsys):
+    """Survex warns of no equate that names a station of its own survey."""
+    solve_file(write(tmp_path, "*fix 9 0 0 0\n1 2 10 90 0\n2 3 10 0 0\n*equate 1 9\n*equate 3 33\n"))
+    said = capsys.readouterr().err
+    assert "a.svx: 1 names in equates, entrances or exports are of no station of a leg" in said
+    assert "the first is 33" in said
+
+
+@needs_cavern
 def test_a_piece_that_hangs_on_a_mistyped_equate_is_refused_with_its_line(tmp_path):
     text = RING.format(shots=SHOTS, entrance="1", end="t.3").replace("*equate 3 t.1\n*equate 1 t.3", "*equate s.3 t.1")
     with pytest.raises(InputError, match=r"a\.svx: s\.t\.\d: no leg .*; a\.svx:11: Station .s\.s\.3. "):

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from minexplore.bundle import TOPOLOGY, VOLUME
-from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
+from minexplore.bundle import PARTS, TOPOLOGY, VOLUME
+from minexplore.floors.volume_arrays import FacetLabel, Parts, VolumeFacets
 from pipeline.errors import GeometryError
 from pipeline.params.compile3d import VolumeParams
 from pipeline.store.codecs import decode
 from pipeline.survey.detect import detect_survey
 from pipeline.types import ClosedMesh, SurveyedLegs
+from pipeline.volume.rock.polygons import LONGEST_M
 from pipeline.volume.shell import facets_without_part
 from pipeline.volume.world.compile import BUILT, _built, compile_volume
 from pipeline.volume.world.content import closed_volume
@@ -65,6 +66,16 @@ def test_legs_follow_the_middles_of_the_floors(tmp_path):
     built = json.loads(files[BUILT])
     assert built["built_m"] == pytest.approx(built["surveyed_m"])
     assert built["datum_m"] == 100.0
+
+
+def test_no_part_of_a_long_straight_drift_is_longer_than_mujoco_keeps_exactly(tmp_path):
+    drift = manifold3d.Manifold.cube([336, 4, 3]).rotate([0, 0, 30])
+    files = compiled(drift, tmp_path)
+    volume, parts = decode(tmp_path / VOLUME, VolumeFacets), decode(tmp_path / PARTS, Parts)
+    low, high = parts.boxes_m
+    assert LONGEST_M / 2 < (high - low).max() <= LONGEST_M + 2 * 0.3  # of the depth behind its facet
+    assert closed_volume(volume).solid.volume() == pytest.approx(336 * 4 * 3)
+    assert json.loads(files[BUILT])["built_m"] == pytest.approx(336, abs=4)
 
 
 def helix(turns=2.2, radius_m=8.0, rise_m=6.0, steps=24):
