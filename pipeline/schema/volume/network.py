@@ -27,6 +27,9 @@ _LEG = {
 }
 
 
+_NAMED = ("junctions", "dead_ends", "entrances", "between")  # fields of stations
+
+
 def check_network(record: Mapping[str, Any], network: Any, facets: VolumeFacets) -> None:
     """Refuse a network of legs whose fields, names or sizes no survey of this mesh has.
 
@@ -41,7 +44,7 @@ def check_network(record: Mapping[str, Any], network: Any, facets: VolumeFacets)
         {
             "stations_m": _check_stations,
             "legs": _check_legs,
-            **dict.fromkeys(("junctions", "dead_ends", "entrances"), _check_names),
+            **dict.fromkeys(_NAMED, _check_names),
             "loops": whole(0, 1_000_000),
             "components": whole(1, 1_000_000),
             "total_length_m": LENGTH,
@@ -51,7 +54,7 @@ def check_network(record: Mapping[str, Any], network: Any, facets: VolumeFacets)
     if len(legs) != record["drifts"]:
         raise BundleError(f"{TOPOLOGY}: {len(legs)} legs: want as many legs as {RECORD} has drifts, {record['drifts']}")
     numbers = {name: number for number, name in enumerate(stations)}
-    for name in ("junctions", "dead_ends", "entrances"):
+    for name in _NAMED:
         for station in network[name]:
             if station not in numbers:
                 raise BundleError(f"{TOPOLOGY}: {name}: {station[:40]!r} is none of stations_m")

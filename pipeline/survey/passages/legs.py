@@ -31,6 +31,13 @@ def legs_of(surveyed: SurveyedLegs) -> list[SurveyLeg]:
     return legs
 
 
+def names_between(surveyed: SurveyedLegs) -> set[str]:
+    """Return the names of places that are no stations but lie between two."""
+    names = np.array(lines_of(surveyed.names))
+    is_between = surveyed.between > 0 if len(surveyed.between) else np.zeros(len(names), bool)
+    return set(names[is_between].tolist()) - set(names[~is_between].tolist())
+
+
 def says_enough(distances: np.ndarray) -> bool:
     """Return whether half of the distances (n,) along a row of stations or more were measured."""
     known = np.isfinite(distances).sum()

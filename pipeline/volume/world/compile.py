@@ -95,7 +95,7 @@ def _files_of(
     robot = robot_size(params.volume)
     parts, refused = without_refused(merge_parts(made.solved, build_shell(made.solved)))
     done()
-    legs = leg_network(made.network, made.offset_m, lines_of(surveyed.entrances))
+    legs = leg_network(made.network, made.offset_m, surveyed)
     start = start_of(cells, legs, start_m, params.spawn, robot, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused, made.is_drawn)
     if not made.is_solid:

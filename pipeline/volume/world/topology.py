@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -13,8 +13,8 @@ from scipy.sparse.csgraph import connected_components
 from minexplore.floors.volume_arrays import FloorSpans
 from pipeline.errors import GeometryError
 from pipeline.params.compile3d import SpawnParams, VolumeParams
-from pipeline.survey.passages.legs import legs_of
-from pipeline.types import SurveyedLegs
+from pipeline.survey.passages.legs import legs_of, names_between
+from pipeline.types import SurveyedLegs, lines_of
 from pipeline.volume.height_field.assumed_roofs import network_with_roofs
 from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import STEEPEST
@@ -43,7 +43,8 @@ class LegNetwork:
     """The legs of a survey in the mine frame: stations by name, m; legs by number, as `volume.npz` has them.
 
     The grade of a plumb leg is the largest number that JSON can hold. `dead_ends` are stations of one leg, `entrances`
-    those that the survey says are open to the surface.
+    those that the survey says are open to the surface, `between` those of `stations_m` that are no stations: places of
+    a section between two.
 
     It is the record of a `SurveyNetwork`, which is not made again from it: 117 of the 513 lengths of Wheal Pell differ
     in the fourth decimal from those between their rounded stations, and how a distance is known is not stated.
@@ -57,6 +58,7 @@ class LegNetwork:
     loops: int
     components: int
     total_length_m: float
+    between: list[str] = field(default_factory=list)
 
 
 def mine_network(surveyed: SurveyedLegs, height_m: float, params: VolumeParams) -> tuple[SurveyNetwork, np.ndarray]:
@@ -85,8 +87,8 @@ def require_flat_leg(network: SurveyNetwork) -> None:
         )
 
 
-def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequence[str]) -> LegNetwork:
-    """Return the record of a network whose places are moved by `offset_m` (3,) into the mine frame."""
+def leg_network(network: SurveyNetwork, offset_m: np.ndarray, surveyed: SurveyedLegs) -> LegNetwork:
+    """Return the record of a survey's network whose places are moved by `offset_m` (3,) into the mine frame."""
     used, ends, degree = np.unique(network.shots, return_inverse=True, return_counts=True)
     links = coo_array((np.ones(len(network.shots)), ends.reshape(-1, 2).T), (len(used), len(used)))
     pieces = int(connected_components(links, directed=False)[0])
@@ -109,10 +111,11 @@ def leg_network(network: SurveyNetwork, offset_m: np.ndarray, entrances: Sequenc
         legs,
         [names[n] for n in used[degree > 2].tolist()],
         [names[n] for n in used[degree == 1].tolist()],
-        [name for name in entrances if name in set(names)],
+        [name for name in lines_of(surveyed.entrances) if name in set(names)],
         len(legs) - len(used) + pieces,
         pieces,
         round(float(lengths.sum()), _DIGITS),
+        sorted(names_between(surveyed).intersection(names)),
     )
 
 

@@ -9,15 +9,17 @@ import pytest
 from minexplore.bundle import PARTS
 from minexplore.floors.volume_arrays import Parts
 from pipeline.commands.proofs import certify
-from pipeline.errors import LimitError
+from pipeline.errors import ArtifactError, LimitError
 from pipeline.store.codecs import decode, encode
 from pipeline.volume.world.bundle import bundle_volume
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.alone import certify_alone, stated_legs
 from pipeline.volume.world.proof.derived_content import require_remade
+from tests.solved import needs_cavern
 from tests.volume_worlds import CONFIG, HEADER, RAMP, VolumeWorld, proof
 
 BEND = RAMP.replace("-6", "-3") + "B,3,60,0,-3,1.5,2,3,0\nB,4,60,20,-3,1.5,2,3,0\n"
+SPLAYS = ((0, 2), (180, 2), (40, 3.1), (140, 3.1), (220, 3.1), (320, 3.1), (15, 3.1), (165, 3.1))  # turn, deg; m
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +78,19 @@ def test_four_rows_that_end_at_one_station_are_the_legs_that_the_bundle_states(t
     ]
     crossing = VolumeWorld(HEADER + "".join(rows), tmp_path).opened()
     require_remade(tmp_path / "world", crossing, proof(), stated_legs(crossing.legs))
+
+
+@needs_cavern
+def test_a_survey_whose_walls_are_those_of_splays_is_remade_from_the_places_that_the_bundle_states(tmp_path):
+    shots = "".join(f"{k} {k + 1} 12 90 0\n" for k in range(1, 4))
+    splays = "".join(f"{k} .. {length} {turn} 0\n" for k in range(1, 5) for turn, length in SPLAYS)
+    plumb = "".join(f"{k} .. 2 0 90\n{k} .. 1 0 -90\n" for k in range(1, 5))
+    (tmp_path / "a.svx").write_text(f"*fix 1 0 0 0\n{shots}*flags splay\n{splays}{plumb}")
+    opened = VolumeWorld(tmp_path / "a.svx", tmp_path).opened()
+    assert set(opened.legs.stations_m) - set(opened.legs.between) == {"1", "2", "3", "4"}
+    require_remade(tmp_path / "world", opened, proof(), stated_legs(opened.legs))
+    all_surveyed = dataclasses.replace(opened.legs, between=[])
+    with pytest.raises(ArtifactError, match=r"beyond the legs seen from above|as the legs have"):
+        require_remade(
+            tmp_path / "world", dataclasses.replace(opened, legs=all_surveyed), proof(), stated_legs(all_surveyed)
+        )

@@ -60,6 +60,7 @@ def stated_legs(network: LegNetwork) -> SurveyedLegs:
         names=text_array(names),
         surveyed_m=network.total_length_m,
         entrances=text_array(network.entrances),
+        between=np.isin(names, network.between).astype(np.uint8),
     )
 
 

@@ -183,7 +183,7 @@ def _survey(
 ) -> dict[str, Any]:
     """Return how much of the survey is built: of the file's legs, not of those that the bundle says it has."""
     piece_m = float(network.lengths_m.sum())
-    wanted = leg_network(network, offset, ())
+    wanted = leg_network(network, offset, surveyed)
     built = built_lengths_m(volume, wanted)
     missing = np.array([leg.length_m for leg in wanted.legs]) - built
     return {

@@ -17,7 +17,7 @@ from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.rebuilt.differences import first_difference
 from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.store.codecs import decode
-from pipeline.types import DrawnFloors, Image, SurveyedLegs, VolumeShape, lines_of
+from pipeline.types import DrawnFloors, Image, SurveyedLegs, VolumeShape
 from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
@@ -117,7 +117,7 @@ def _in_order(network: LegNetwork) -> LegNetwork:
 
 def _network_of(surveyed: SurveyedLegs, params: VolumeProofParams) -> LegNetwork:
     network, offset = mine_network(surveyed, params.height_m, params.volume)
-    return leg_network(network, offset, lines_of(surveyed.entrances))
+    return leg_network(network, offset, surveyed)
 
 
 def _along_floors(world: VolumeBundle, params: VolumeProofParams) -> SurveyedLegs:
