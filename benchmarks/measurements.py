@@ -77,6 +77,7 @@ BENCHMARKS: tuple[Benchmark, ...] = (
     # What newcomers bring
     _page("simple-mines", "setup", "benchmarks.simple_mines", 8),
     _python("files", "setup", "benchmarks.files", "artifacts/bench/files.md"),
+    _python("simple-slabs", "setup", "benchmarks.comparisons.one_model.slabs", "", 3),
     _page("fuzz", "setup", "benchmarks.fuzz", 4),
     _page("random-mines", "setup", "benchmarks.worlds.random_mines", 2),
     _page("volumes", "setup", "benchmarks.comparisons.volume.random_volumes", 4),

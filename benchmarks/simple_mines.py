@@ -33,7 +33,7 @@ _ROOM_SHARE = (0.3, 1.0)  # a room's width, of its length
 _STUB_WIDTHS = (2.0, 6.0)  # a stub's length, in widths of the drift
 _MESSAGE_CHARACTERS = 600  # characters of the last messages, which name the limits
 _RING_WIDTHS = 3.0  # the rock within a ring is at least so wide
-_HEIGHTS = 7  # every so many mines one is a survey with heights
+HEIGHTS = 7  # every so many mines one is a survey with heights
 
 
 @dataclass(frozen=True)
@@ -117,9 +117,8 @@ def random_mine(seed: int) -> SimpleMine:
 
 def judge(seed: int) -> Row:
     """Make one mine with `pipeline new` and return its exit code and its last messages."""
-    name, project = f"simple-{seed}", _project()
     with tempfile.TemporaryDirectory() as folder:
-        if seed % _HEIGHTS:
+        if seed % HEIGHTS:
             mine = random_mine(seed)
             words, row = (
                 mine.write(Path(folder)),
@@ -130,9 +129,15 @@ def judge(seed: int) -> Row:
             path = Path(folder) / "mine.csv"
             path.write_text(station_table(legs))
             words, row = ["--from", str(path)], {"kind": f"{kind}, with heights"}
-        done = project.run(sys.executable, "-m", "pipeline", "new", name, *words)
+        return row | made(f"simple-{seed}", words)
+
+
+def made(name: str, words: list[str]) -> Row:
+    """Return the exit code and the last messages of `pipeline new` with some arguments; the world is removed."""
+    project = _project()
+    done = project.run(sys.executable, "-m", "pipeline", "new", name, *words)
     shutil.rmtree(project.folder / "artifacts" / "worlds" / name, ignore_errors=True)
-    return row | {"exit_code": done.returncode, "messages": done.stderr[-_MESSAGE_CHARACTERS:].splitlines()}
+    return {"exit_code": done.returncode, "messages": done.stderr[-_MESSAGE_CHARACTERS:].splitlines()}
 
 
 @cache
