@@ -18,6 +18,7 @@ from pipeline.volume.union import STEEPEST, Solid
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.51  # of floors that meet: somewhere they are no farther apart in height; figures count ledges of up to 0.5 m
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+_NEARLY_M = 0.6  # of two floors that do not meet: as built they might, if they were not held as stated
 _PARTS_M = 0.1  # beyond that height, somewhere: floors that part by less are one floor all over
 _WAYS_APART_M = 1.5  # of ways that leave one station: what is nearer is one floor, though rock may be between
 _RIM_M = 1.0  # between corners on the rim of an overlap
@@ -111,6 +112,7 @@ class SharedFloors:
         parted_m[most < _PARTS_M] = np.inf
         self._parted_m = dict(zip(pairs, parted_m.tolist(), strict=True))
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
+        self._nearly = {pair for pair, far in zip(pairs, least.tolist(), strict=True) if far < _NEARLY_M} - self._pairs
         self.descents = _descents(network, pieces, floors, self)
 
     def pairs(self) -> list[tuple[int, int]]:
@@ -120,6 +122,10 @@ class SharedFloors:
     def has(self, one: int, two: int) -> bool:
         """Return whether two pieces share a floor where they are not far apart in height."""
         return (min(one, two), max(one, two)) in self._pairs
+
+    def nearly(self, one: int, two: int) -> bool:
+        """Return whether two pieces that share no floor state floors that hardly do not meet."""
+        return (min(one, two), max(one, two)) in self._nearly
 
     def borders(self) -> Iterator[tuple[int, shapely.Geometry]]:
         """Yield a piece and the lines where its floor and one that it shares it with begin to be two, seen from above.
