@@ -17,7 +17,7 @@ from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Solid
 
 _FIX = 1e4  # weight of a leg's floor against the smoothness of the floor
-_HOLD = 10.0  # the same of the sections' floors where a leg passes that does not share the floor
+_HOLD = 10.0  # the same of the sections' floors where a leg passes, or a floor is near, that does not share it
 _PULL = 0.3  # the same elsewhere, a m2: what a leg does to the floor ends within a few metres
 _PARTED = 10.0  # the same of a floor over or under one that it is parted from: they are as far apart as stated
 _PULL_LEAST = 1e-7
@@ -70,6 +70,7 @@ def solve_heights(network: SurveyNetwork, pieces: list[Solid]) -> HeightField:
     weight = _PULL_LEAST + np.bincount(corners.ravel(), np.repeat(pull * area, 3), n)
     held, passing = _on_legs(network, pieces, surface, shared, target)
     weight[list(passing)] = _HOLD
+    weight[corners[surface.held[surface.patch]]] = _HOLD
     fixed, heights = np.array(list(held), int), np.array(list(held.values()))
     weight[fixed], target[fixed] = _FIX, heights
     level = float(target.mean()) if n else 0.0

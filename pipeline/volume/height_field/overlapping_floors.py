@@ -18,6 +18,8 @@ from pipeline.volume.union import STEEPEST, Solid
 TOUCH_M = 0.003  # seen from above: outlines so near have an edge in common
 MEET_M = 0.51  # of floors that meet: somewhere they are no farther apart in height; figures count ledges of up to 0.5 m
 APART_M = 2.0  # of floors over each other: what is farther apart is two floors
+_NEARLY_M = 0.6  # of two floors that do not meet: as built they might, if they were not held as stated
+_PARTS_M = 0.1  # beyond that height, somewhere: floors that part by less are one floor all over
 _WAYS_APART_M = 1.5  # of ways that leave one station: what is nearer is one floor, though rock may be between
 _RIM_M = 1.0  # between corners on the rim of an overlap
 _LEAST_M2 = 1e-6  # of an overlap that has an inside
@@ -73,7 +75,8 @@ class SharedFloors:
     of such a run share a floor if somewhere in it two floors are hardly apart in height. So no floor ends where two
     ways part slowly. Where rock is between the two, they are two floors all the same: if they are farther apart than
     the lower passage is high, and than `_WAYS_APART_M`, or `MEET_M` where no station joins the run, and of two legs
-    that cross and share no station: there the survey states two floors.
+    that cross and share no station: there the survey states two floors. Two that are nowhere more than 10 cm beyond
+    that are one all over: where they were two for a few centimetres, the floor had a slot, and a step on both sides.
     """
 
     def __init__(self, network: SurveyNetwork, pieces: list[Solid], floors: SectionFloors) -> None:
@@ -103,7 +106,13 @@ class SharedFloors:
         parted[run[~apart]] = _WAYS_APART_M
         parted_m = np.where(apart & _cross(network, pieces, pairs), MEET_M, parted[run])
         self._parted_m = dict(zip(pairs, parted_m.tolist(), strict=True))
+        over = np.maximum(self._over(one[row], two[row], places), self._over(two[row], one[row], places))
+        most = np.full(len(one), -np.inf)
+        np.maximum.at(most, row, over)
+        parted_m[most < _PARTS_M] = np.inf
+        self._parted_m = dict(zip(pairs, parted_m.tolist(), strict=True))
         self._pairs = {pair for pair, meets in zip(pairs, nearest[run] < MEET_M, strict=True) if meets}
+        self._nearly = {pair for pair, far in zip(pairs, least.tolist(), strict=True) if far < _NEARLY_M} - self._pairs
         self.descents = _descents(network, pieces, floors, self)
 
     def pairs(self) -> list[tuple[int, int]]:
@@ -113,6 +122,10 @@ class SharedFloors:
     def has(self, one: int, two: int) -> bool:
         """Return whether two pieces share a floor where they are not far apart in height."""
         return (min(one, two), max(one, two)) in self._pairs
+
+    def nearly(self, one: int, two: int) -> bool:
+        """Return whether two pieces that share no floor state floors that hardly do not meet."""
+        return (min(one, two), max(one, two)) in self._nearly
 
     def borders(self) -> Iterator[tuple[int, shapely.Geometry]]:
         """Yield a piece and the lines where its floor and one that it shares it with begin to be two, seen from above.
@@ -145,7 +158,7 @@ class SharedFloors:
         height = self._floors.heights_at(upper, places) - self._floors.heights_at(lower, places)
         pairs = zip(np.minimum(upper, lower).tolist(), np.maximum(upper, lower).tolist(), strict=True)
         parted_m = np.fromiter(map(self._parted_m.__getitem__, pairs), float, len(upper))
-        found: np.ndarray = height - np.clip(self._floors.tall_at(lower, places), parted_m, APART_M)
+        found: np.ndarray = height - np.maximum(np.minimum(self._floors.tall_at(lower, places), APART_M), parted_m)
         return found
 
 

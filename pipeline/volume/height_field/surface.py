@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -43,6 +43,8 @@ class FloorSurface:
         Patches that lie over each other.
     parted : (n,) bool
         Of each patch, whether another one lies over or under it with which it is one floor elsewhere.
+    held : (n,) bool
+        Of each patch, whether one lies over or under it that it hardly does not meet.
     mates : (k, 2) int64
         Edges that two triangles share; edge 3 t + i begins at corner i of triangle t.
     """
@@ -53,6 +55,7 @@ class FloorSurface:
     pieces: list[list[int]]
     over: np.ndarray
     parted: np.ndarray
+    held: np.ndarray
     mates: np.ndarray
 
     @cached_property
@@ -135,8 +138,8 @@ def surface_of(
     ways = LegWays(network, pieces)
     mates = np.array(list(joined_edges(places, spots, patch, of_patch, shared, floors, ways)), int).reshape(-1, 2)
     patches_over = _patches_over(cells, group, cell_of)
-    parted = _parted(patches_over, of_patch, shared)
-    return FloorSurface(places, spots, patch, of_patch, patches_over, parted, mates)
+    parted, held = (_over_one(patches_over, of_patch, of) for of in (shared.has, shared.nearly))
+    return FloorSurface(places, spots, patch, of_patch, patches_over, parted, held, mates)
 
 
 def _lines(
@@ -208,11 +211,11 @@ def _patches_over(cells: np.ndarray, group: np.ndarray, cell_of: np.ndarray) -> 
     return np.array(found, int).reshape(-1, 2)
 
 
-def _parted(over: np.ndarray, pieces: list[list[int]], shared: SharedFloors) -> np.ndarray:
-    """Return which patches (n,) are over or under (k, 2) one with which some of their pieces share a floor."""
+def _over_one(over: np.ndarray, pieces: list[list[int]], holds: Callable[[int, int], bool]) -> np.ndarray:
+    """Return which patches (n,) are over or under (k, 2) another where that holds for a piece of both."""
     found = np.zeros(len(pieces), bool)
     for p, q in over.tolist():
-        if any(shared.has(one, two) for one in pieces[p] for two in pieces[q]):
+        if any(holds(one, two) for one in pieces[p] for two in pieces[q]):
             found[[p, q]] = True
     return found
 

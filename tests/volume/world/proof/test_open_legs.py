@@ -40,16 +40,18 @@ def network_of(ring):
 
 def wall_across(network, offset, leg, share, wide_m=3.5, open_m=0.0):
     """Return the corners of walls of 8 cm through a leg, square to it, beside an opening at their middle."""
+    sides = ((-wide_m, -open_m / 2), (open_m / 2, wide_m)) if open_m else ((-wide_m, wide_m),)
+    return [half_wall(network, offset, leg, share, side) for side in sides]
+
+
+def half_wall(network, offset, leg, share, side):
+    """Return the corners of a wall of 8 cm through a leg, square to it, from one place to another to its left, m."""
     start, end = network.floors_m[leg] + offset
     ahead = (end - start) / np.linalg.norm(end - start)
     aside = np.append(network.across[leg, 0], 0)
     over = np.cross(ahead, aside)
     middle = start + share * (end - start)
-    sides = ((-wide_m, -open_m / 2), (open_m / 2, wide_m)) if open_m else ((-wide_m, wide_m),)
-    return [
-        np.array([middle + 0.04 * a * ahead + b * aside + c * over for a in (-1, 1) for b in side for c in (-4, 4)])
-        for side in sides
-    ]
+    return np.array([middle + 0.04 * a * ahead + b * aside + c * over for a in (-1, 1) for b in side for c in (-4, 4)])
 
 
 def walled(world, walls):
@@ -113,3 +115,12 @@ def test_a_leg_with_an_opening_in_a_wall_across_it_is_open(ring, opened):
     network, offset = network_of(ring)
     walls = wall_across(network, offset, 4, 0.4, open_m=2.0)
     assert open_shares(network, offset, closed_volume(walled(opened, walls).mine))[4] >= LIMIT
+
+
+def test_a_leg_that_no_straight_line_passes_is_open_where_a_way_leads_round_two_walls(ring, opened):
+    network, offset = network_of(ring)
+    zigzag = [half_wall(network, offset, 0, share, side) for share, side in ((0.2, (-3.5, 0.8)), (0.35, (-0.8, 3.5)))]
+    shares = open_shares(network, offset, closed_volume(walled(opened, zigzag).mine))
+    assert LIMIT < shares[0] <= 1
+    closed = [*zigzag, *wall_across(network, offset, 0, 0.6)]
+    assert open_shares(network, offset, closed_volume(walled(opened, closed).mine))[0] == 0

@@ -13,10 +13,12 @@ from pipeline.volume.network import SurveyNetwork
 from pipeline.volume.union import Volume
 
 _GATES, _MIDDLES = (0.25, 0.5, 0.75), (1 / 6, 1 / 2, 5 / 6)  # of a section's width and height
-_TOUCH_M = 0.01  # before a gate: that of a dead end is on its wall
+_TOUCH_M = 0.01  # before a gate, and before a station: those of a dead end are on its wall
 _LEAST_M = 0.05  # half of a level section
 _FROM_WALL_M, _FROM_FLOOR_M = 0.05, 0.1  # of gates beside a station: it may be on a wall or on the floor
 _AT_ONCE = 1000  # pairs of ends: 360,000 lines
+_FEW = 0.25  # of a leg: it is asked again, step by step
+_STEP_M, _ROWS = 0.25, 7  # along such a leg, and places across and up
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -35,7 +37,8 @@ def open_shares(network: SurveyNetwork, offset_m: np.ndarray, volume: Volume) ->
     joined to most gates of a station is the station's. So a leg with a share is open: straight lines in the free space
     lead from station to station by way of it. A wall through all of a leg, wherever and however it stands, leaves none,
     also where another way leads round it. The section half-way has nine places, upright or level: the one with the
-    larger share counts, as a shaft has level sections.
+    larger share counts, as a shaft has level sections. A leg that has few is asked again step by step (`_by_steps`):
+    rock in a long crawl may leave a way, and no straight line along it.
 
     The network is moved by `offset_m` (3,) m into the frame of the volume.
     """
@@ -60,7 +63,53 @@ def open_shares(network: SurveyNetwork, offset_m: np.ndarray, volume: Volume) ->
     own[codes // nodes] = codes % nodes  # of each station the last stays, with most gates
     joined = label[ends * count :].reshape(ends, k) == own[station][:, None]
     share: np.ndarray = joined.reshape(-1, 2, k).all(axis=1).reshape(len(middles), 2, -1).mean(axis=2).max(axis=1)
+    is_own = label[: ends * count].reshape(ends, count) == own[station][:, None]
+    for leg in np.flatnonzero(share < _FEW).tolist():
+        at_ends = [gates[end][is_own[end]] for end in (2 * leg, 2 * leg + 1)]
+        share[leg] = max(share[leg], _by_steps(network, leg, offset_m, volume, at_ends))
     return share
+
+
+def _by_steps(
+    network: SurveyNetwork, leg: int, offset_m: np.ndarray, volume: Volume, at_ends: list[np.ndarray]
+) -> float:
+    """Return which share of the places half-way along a leg steps in its free space join to gates at both of its ends.
+
+    Places lie in sections a quarter of a metre apart, seven across and seven up. A step is a straight line from a place
+    to one beside it, in its section or the next, and at an end to a gate.
+    """
+    length_m = float(network.lengths_m[leg])
+    count, end = 2 * int(length_m / _STEP_M / 2) + 3, min(_TOUCH_M / length_m, 0.25)
+    along = np.linspace(end, 1 - end, count)[:, None]
+    lrud, across, floors = (
+        (1 - along) * rows[leg, 0] + along * rows[leg, 1]
+        for rows in (network.lrud_m, network.across, network.floors_m + offset_m)
+    )
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    shares = tuple((np.arange(_ROWS) + 0.5) / _ROWS)
+    places = _spread(floors, across, _between(-lrud[:, 1], lrud[:, 0], shares), _upright(lrud, shares)).reshape(-1, 3)
+    number = np.arange(len(places)).reshape(count, _ROWS, _ROWS)
+    beside = [(k, i, j) for k in (0, 1) for i in (-1, 0, 1) for j in (-1, 0, 1) if (k, i, j) > (0, 0, 0)]
+    section, row, level = np.indices(number.shape).reshape(3, -1)
+    pairs = []
+    for k, i, j in beside:
+        near = section + k, row + i, level + j
+        is_there = (near[0] < count) & (np.stack(near[1:]) >= 0).all(axis=0) & (np.stack(near[1:]) < _ROWS).all(axis=0)
+        pairs.append(np.column_stack([number.ravel()[is_there], number[tuple(rows[is_there] for rows in near)]]))
+    free = volume.inside.rays_say_free(places)
+    steps = np.concatenate(pairs)
+    one, other = steps[free[steps].all(axis=1)].T
+    way = places[other] - places[one]
+    length = np.linalg.norm(way, axis=1)
+    is_step = volume.inside.ways_m(places[one], way / np.maximum(length, 1e-9)[:, None]) >= length
+    one, other = one[is_step], other[is_step]
+    label = connected_components(coo_matrix((np.ones(len(one)), (one, other)), (len(places),) * 2), directed=False)[1]
+    ends = [
+        label[rows[free[rows] & _see(volume, places[rows][None], gates[None])[0].any(axis=1)]]
+        for rows, gates in zip((number[0].ravel(), number[-1].ravel()), at_ends, strict=True)
+    ]
+    middle = number[count // 2].ravel()
+    return float((free[middle] & np.isin(label[middle], np.intersect1d(*ends))).mean())
 
 
 def _see(volume: Volume, places: np.ndarray, gates: np.ndarray) -> np.ndarray:
