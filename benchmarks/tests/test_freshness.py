@@ -83,7 +83,12 @@ def own(tmp_path_factory):
 @pytest.mark.parametrize(
     ("changed", "old", "new", "wanted"),
     [
-        ("pipeline/volume/merged.py", "LONGEST_M = 100.0", "LONGEST_M = 90.0", {*STAGES, "scans", "round-trips"}),
+        (
+            "pipeline/volume/rock/polygons.py",
+            "LONGEST_M = 100.0",
+            "LONGEST_M = 90.0",
+            {*STAGES, "scans", "round-trips", "volumes"},
+        ),
         ("pipeline/volume/enclosure.py", "_LEAST_M3 = 1e-12", "_LEAST_M3 = 2e-12", {*STAGES, "volumes"}),
         # The package names this one for all who import anything of it.
         ("minexplore/envs/env.py", "sixteen", "twenty", {"bench", "bench-gpu", "sensors"}),

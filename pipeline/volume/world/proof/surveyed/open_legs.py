@@ -163,5 +163,5 @@ def _spread(floors: np.ndarray, across: np.ndarray, aside: np.ndarray, more: np.
     """Return places (n, a * b, 3) m: floors (n, 3) moved by `aside` (n, a) m across them, and by each of `more`."""
     left = np.column_stack([across, np.zeros(len(across))])
     places = floors[:, None] + aside[:, :, None] * left[:, None]
-    found: np.ndarray = (places[:, :, None] + more[:, None]).reshape(len(floors), -1, 3)
+    found: np.ndarray = (places[:, :, None] + more[:, None]).reshape(places.shape[0], -1, 3)
     return found
