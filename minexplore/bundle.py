@@ -73,7 +73,8 @@ _FLOOR, _ROCK, _SURFACE, _SMOOTH = "floor_", "rock_", "surface_", "smooth_"
 # Fittings, and where they may be above the flat floor, m: the visible floor lies below `COVER_M`, furniture hangs above
 # every robot. Lines run along a rib or under the roof.
 FURNITURE = ("bolts", "cable", "duct", "pipe", "weldmesh")
-_LET_BEAMS_PASS = "weldmesh"
+SHADE_MESH = "shade"
+_LET_BEAMS_PASS = ("cover", "puddle", SHADE_MESH, "weldmesh")
 WATER_MATERIAL, SHADE_MATERIAL = "water", "shade"
 COVER_M, FURNITURE_ABOVE_M, LINES_ABOVE_M = 0.1, 1.0, 2.0
 _COVER, _FITTING, _PUDDLE, _SHADE = "cover_", "fitting_", "puddle_", "shade_"
@@ -88,7 +89,7 @@ SMOOTH_MESHES = tuple(f"{_SMOOTH}{piece}" for piece in (FLOOR_CHAMFER, WALLS, RO
 ROUGH_MESH = rf"(?:{WALLS}|{ROOF})_\d{{2,4}}_\d{{2,4}}"
 VISIBLE_MESH = rf"(?:{ROUGH_MESH}|{'|'.join(SMOOTH_MESHES)})"
 FURNITURE_MESH = rf"(?:{'|'.join(FURNITURE)})_\d{{2,4}}_\d{{2,4}}"
-FITTING_MESH = rf"(?:{COVER_MESHES}|{FURNITURE_MESH})"
+FITTING_MESH = rf"(?:{COVER_MESHES}|{FURNITURE_MESH}|{SHADE_MESH}|{_PUDDLE}[a-z][a-z0-9_]*)"
 
 _MOST_MESSAGE = 2000  # characters of an error
 
@@ -248,7 +249,7 @@ def is_cover(mesh: str) -> bool:
 
 def is_fitting(mesh: str) -> bool:
     """Return whether a mesh of this name is part of the visible floor or of the furniture."""
-    return is_cover(mesh) or mesh.partition("_")[0] in FURNITURE
+    return mesh.partition("_")[0] in (*FURNITURE, *_LET_BEAMS_PASS)
 
 
 def stops_beams(mesh: str) -> bool:
@@ -257,7 +258,7 @@ def stops_beams(mesh: str) -> bool:
     Beams pass the visible floor, to end on the flat floor that robots stand on, and weld mesh, whose wires cover less
     than a tenth of it and hang a few centimetres before the rock.
     """
-    return not is_cover(mesh) and mesh.partition("_")[0] != _LET_BEAMS_PASS
+    return mesh.partition("_")[0] not in _LET_BEAMS_PASS
 
 
 def fitting_geom(mesh: str) -> str:

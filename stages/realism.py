@@ -28,7 +28,9 @@ def _write_volume(
     rock: Path,
 ) -> dict[str, Bundle]:
     if params.rough_floor:
-        raise ParamsError("realism.rough_floor = true: the mine is one volume, which has no visible floor; want false")
+        raise ParamsError(
+            "realism.rough_floor = true: the mine is one volume, whose robots stand on its floors; want false"
+        )
     from pipeline.volume.world.bundle import bundle_volume  # open3d takes a second to load
 
     return {"world": bundle_volume(params, mine.survey, free_space, compiled, rock)}

@@ -92,7 +92,7 @@ def _validate_volume(
     require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
     done.update()
     legs = shape if isinstance(shape, SurveyedLegs) else None  # those of other shapes follow their floors
-    require_remade(world, opened, params.volume, legs, shape)
+    require_remade(world, opened, params.volume, legs, shape, params.fittings.floor)
     plan = _seen_plan(mine, shape, traced)
     require_surveyed_plan(world, opened.record, frame, plan)
     require_drawn_areas(world / RECORD, opened.record.areas, plan.length, frame, cleaned, raw)

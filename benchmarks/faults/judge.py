@@ -218,7 +218,8 @@ def prove_volume(folder: Path, params: ValidationParams) -> None:
     """
     world = open_volume(folder)
     require_furniture(folder, world.record.files, params.fittings.furniture, hang_again(folder, world.record.files))
-    require_remade(folder, world, params.volume, survey_alone(world, params.volume))
+    surveyed = survey_alone(world, params.volume)
+    require_remade(folder, world, params.volume, surveyed, floor=params.fittings.floor)
     quiet = params.volume.model_copy(update={"robot_contacts": 0, "ball_contacts": 0})
     for name, clause in certify_alone(world, quiet).clauses.items():
         if not clause.holds:

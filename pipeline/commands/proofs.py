@@ -92,7 +92,8 @@ def _of_volume(bundle: Path, contacts: int, overrides: list[str]) -> Certificate
     limits, world = limits_of_kind(read_made_by(bundle).kind, overrides), open_volume(bundle)
     files, thrown = world.record.files, {"robot_contacts": contacts, "ball_contacts": contacts}
     require_furniture(bundle, files, limits.fittings.furniture, hang_again(bundle, files))
-    require_remade(bundle, world, limits.volume, survey_alone(world, limits.volume))
+    surveyed = survey_alone(world, limits.volume)
+    require_remade(bundle, world, limits.volume, surveyed, floor=limits.fittings.floor)
     return certify_alone(world, limits.volume.model_copy(update=thrown))
 
 

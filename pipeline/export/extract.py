@@ -57,7 +57,7 @@ def read_scene(record: WorldRecord, world: World, licence: str) -> ExportScene:
     try:
         spec = world.spec()
         texture = world.read(ROCK_TEXTURE) if has_visible_rock(world.record) else None
-        surfaces = [_surface(spec, geom, world) for geom in spec.geoms if _is_surface(geom)]
+        surfaces = surfaces_of(spec, world)
     except BundleError as error:
         raise ArtifactError(str(error)) from error
     zones = [zone.name for zone in record.zones]
@@ -123,17 +123,22 @@ def flat_mesh(triangles_m: np.ndarray) -> TriangleMesh:
     return TriangleMesh(vertices, faces, np.zeros((0, 2)), np.repeat(normal, 3, axis=0).astype(np.float32))
 
 
-def _is_surface(geom: mujoco.MjsGeom) -> bool:
-    return geom.group == GeomGroup.ROUGH_SURFACE and not is_shade(geom.name)
+def surfaces_of(spec: mujoco.MjSpec, world: World) -> list[Surface]:
+    """Return what is seen of rock, fittings and water in a model; shade is none of it."""
+    seen = [geom for geom in spec.geoms if geom.group == GeomGroup.ROUGH_SURFACE and not is_shade(geom.name)]
+    return [_surface(spec, geom, world) for geom in seen]
 
 
 def _surface(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, world: World) -> Surface:
     zones = [zone.name for zone in world.floor_zones]
-    if geom.type == mujoco.mjtGeom.mjGEOM_PLANE:
-        label = water_label(next(zone for zone in zones if puddle_geom(zone) == geom.name))
-        return Surface(geom.name, label.what, label.zone, geom.material, _rectangle(geom))
+    flooded = next((zone for zone in zones if puddle_geom(zone) == geom.name), None)
+    is_plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
+    mesh = _rectangle(geom) if is_plane else world.mesh(spec.mesh(geom.meshname).file)
+    if flooded is not None:
+        label = water_label(flooded)
+        mesh = mesh if is_plane else dataclasses.replace(mesh, vertices=mesh.vertices + np.float32(geom.pos))
+        return Surface(geom.name, label.what, label.zone, geom.material, mesh)
     label = surface_label(geom.meshname, zones)
-    mesh = world.mesh(spec.mesh(geom.meshname).file)
     return Surface(geom.meshname, label.what, label.zone, geom.material, mesh)
 
 

@@ -7,26 +7,21 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from minexplore.bundle import (
-    MESHES,
     MODEL,
     ROCK_TEXTURE,
     ROOF,
     WALLS,
     BundleError,
     TriangleMesh,
-    fitting_material,
     ground_material,
     has_visible_rock,
-    is_fitting,
     line_of,
-    mesh_file,
-    mesh_of,
 )
 from minexplore.floors.volume_arrays import FacetLabel, VolumeArrays
 from minexplore.pictures.shown import without_parts
 from minexplore.world import World
-from pipeline.export.extract import ROCK, facts_of, flat_mesh, light_of, material_of
-from pipeline.export.labels import FLOOR_LABEL, ROCK_LABEL, ROOF_LABEL, surface_label
+from pipeline.export.extract import ROCK, facts_of, flat_mesh, light_of, material_of, surfaces_of
+from pipeline.export.labels import FLOOR_LABEL, FLOOR_SURFACE, ROCK_LABEL, ROOF_LABEL
 from pipeline.export.scene import ConvexPart, ExportScene, Surface, placed_part
 from pipeline.volume.world.model import part_names, zone_numbers
 from pipeline.volume.world.record import VolumeRecord
@@ -49,7 +44,7 @@ def read_volume_scene(world: World, licence: str) -> ExportScene:
         If a file has changed since the world was loaded, or MuJoCo refuses the model.
     """
     record: VolumeRecord = TypeAdapter(VolumeRecord).validate_python(world.record)
-    rock = sorted(mesh_of(name) for name in record.files if name.startswith(MESHES))
+    rock = has_visible_rock(world.record)
     try:
         spec = mujoco.MjSpec.from_string(without_parts(world.read(MODEL)))
     except ValueError as error:
@@ -57,10 +52,10 @@ def read_volume_scene(world: World, licence: str) -> ExportScene:
     return ExportScene(
         facts_of(record, round(record.volume.high_m - record.volume.low_m, 6), licence),
         _parts(record, arrays_of(world)),
-        _floors(record, arrays_of(world)) + (_chunks(world, rock) if rock else _bare(arrays_of(world))),
+        _floors(record, arrays_of(world)) + (surfaces_of(spec, world) if rock else _bare(arrays_of(world))),
         {material.name: material_of(material) for material in spec.materials},
         [light_of(light) for light in spec.lights],
-        world.read(ROCK_TEXTURE) if has_visible_rock(world.record) else None,
+        world.read(ROCK_TEXTURE) if rock else None,
     )
 
 
@@ -85,7 +80,7 @@ def _floors(record: VolumeRecord, arrays: VolumeArrays) -> list[Surface]:
     zones = np.searchsorted([zone.east_m for zone in record.zones[:-1]], east)
     return [
         Surface(
-            f"{FLOOR_LABEL}_{k}", FLOOR_LABEL, zone.name, ground_material(zone.name), _mesh(arrays, floor[zones == k])
+            f"{FLOOR_SURFACE}{k}", FLOOR_LABEL, zone.name, ground_material(zone.name), _mesh(arrays, floor[zones == k])
         )
         for k, zone in enumerate(record.zones)
         if (zones == k).any()
@@ -100,19 +95,6 @@ def _bare(arrays: VolumeArrays) -> list[Surface]:
         if len(facets):
             found.append(Surface(f"{name}_0", name, "", ROCK, _mesh(arrays, facets)))
     return found
-
-
-def _chunks(world: World, names: list[str]) -> list[Surface]:
-    return [
-        Surface(
-            name,
-            surface_label(name, []).what,
-            "",
-            fitting_material(name, []) if is_fitting(name) else ROCK,
-            world.mesh(mesh_file(name)),
-        )
-        for name in names
-    ]
 
 
 def _mesh(arrays: VolumeArrays, facets: np.ndarray) -> TriangleMesh:

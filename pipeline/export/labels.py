@@ -18,6 +18,7 @@ from minexplore.bundle import (
 from pipeline.errors import ArtifactError
 
 ROCK_LABEL, FLOOR_LABEL, ROOF_LABEL = "rock", "floor", "roof"
+FLOOR_SURFACE = f"{FLOOR_LABEL}_"  # what the names of floors as they are touched begin with, of a volume
 _CHAMFER_LABEL = "chamfer"  # labels have no underscore: in an OBJ they follow the last one of a name
 _OF_GROUP = {GeomGroup.COLLISION: ROCK_LABEL, GeomGroup.FLOOR: FLOOR_LABEL, GeomGroup.ROOF: ROOF_LABEL}
 _OF_SMOOTH = {smooth_mesh(WALLS): WALLS, smooth_mesh(ROOF): ROOF, smooth_mesh(FLOOR_CHAMFER): _CHAMFER_LABEL}

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-import cv2
-import mujoco
 import numpy as np
 
 from minexplore.bundle import (
     CLEARANCE_GRID,
-    ENTRANCE_CAMERA,
     FORMAT,
     FRAMES,
     FREE_SPACE,
@@ -21,16 +18,15 @@ from minexplore.bundle import (
     NAV2_PICTURE,
     NO_OVERLAY,
     OCTREE,
-    OVERVIEW_CAMERA,
     PREVIEW,
     ROUGH_OVERLAY,
     TOPOLOGY,
-    GeomGroup,
 )
 from pipeline.mjcf.bundle import WorldRecord, compile_bundle, seal_bundle
-from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.floor.cover import cover_floor
+from pipeline.mjcf.floor.grid import level_grid
 from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
-from pipeline.mjcf.render import render_camera
+from pipeline.mjcf.render import render_preview
 from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
 from pipeline.mjcf.visible import compile_visible, compile_with, in_sight
 from pipeline.params.realism import RealismParams
@@ -106,7 +102,7 @@ def assemble_world(
             visible = compile_visible(spec, Path(MODEL))
             seen = in_sight(visible, free_space.polygon, [np.array(scene.anchor_m)])
             model = compile_with(spec, Path(MODEL), seen)
-            files[PREVIEW] = encode(Path(PREVIEW), _preview(model, params.preview_width_px))
+            files[PREVIEW] = encode(Path(PREVIEW), render_preview(model, params.preview_width_px))
         done.update()
     files[FREE_SPACE] = encode(Path(FREE_SPACE), free_space)
     files[TOPOLOGY] = encode(Path(TOPOLOGY), topology)
@@ -127,7 +123,8 @@ def _fittings(
         ways, main_m = ways_of(topology, extent.height_m), on_level(topology.main_drift_m)
         found |= hang_furniture(params.furniture[params.furnish], ways, main_m, rough)
     if params.floor is not None:
-        floor = cover_floor(params.floor, free_space.polygon, topology, tile_zones(params.zones, extent.world_m))
+        grid = level_grid(params.floor, free_space.polygon, topology)
+        floor = cover_floor(params.floor, grid, tile_zones(params.zones, extent.world_m))
         found |= {name: encode(Path(f"{name}.msh"), mesh) for name, mesh in floor.items()}
     return {f"{name}.msh": found[name] for name in sorted(found)}
 
@@ -181,12 +178,3 @@ def _record(
         look=scene.look,
         rough_floor=scene.is_rough,
     )
-
-
-def _preview(model: mujoco.MjModel, width_px: int) -> Image:
-    """Return two views, one below the other: the mine from above, and the view from the entrance."""
-    solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
-    overview = render_camera(model, OVERVIEW_CAMERA, width_px, width_px * 9 // 16, solid, spots=False)
-    rows = np.flatnonzero((overview != overview[0, 0]).any(axis=(1, 2)))
-    entrance = render_camera(model, ENTRANCE_CAMERA, width_px, width_px * 7 // 16, visible)
-    return cv2.vconcat([overview[rows[0] : rows[-1] + 1], entrance])

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 
+import cv2
 import mujoco
 import numpy as np
 
-from minexplore.bundle import GeomGroup
+from minexplore.bundle import ENTRANCE_CAMERA, OVERVIEW_CAMERA, GeomGroup
 from minexplore.pictures.atmosphere import add_haze
 from minexplore.pictures.render import light_nearest
 from pipeline.errors import ArtifactError
@@ -44,6 +45,15 @@ def render_camera(
     mujoco.mj_forward(model, data)
     with _sized(model, (width, height)) as renderer:
         return _draw(renderer, data, camera, data.cam_xpos[model.camera(camera).id], groups, spots)
+
+
+def render_preview(model: mujoco.MjModel, width_px: int) -> Image:
+    """Return two views below each other, (height, width_px, 3) uint8, BGR: the mine from above, and its entrance."""
+    solid, visible = (GeomGroup.FLOOR, GeomGroup.COLLISION), (GeomGroup.FLOOR, GeomGroup.ROUGH_SURFACE)
+    overview = render_camera(model, OVERVIEW_CAMERA, width_px, width_px * 9 // 16, solid, spots=False)
+    rows = np.flatnonzero((overview != overview[0, 0]).any(axis=(1, 2)))
+    entrance = render_camera(model, ENTRANCE_CAMERA, width_px, width_px * 7 // 16, visible)
+    return cv2.vconcat([overview[rows[0] : rows[-1] + 1], entrance])
 
 
 def render_from(

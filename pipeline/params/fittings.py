@@ -8,7 +8,7 @@ from pipeline.params.base import Params
 
 
 class FloorParams(Params):
-    """The visible floor; see `pipeline.mjcf.floor_cover`."""
+    """The visible floor; see `pipeline.mjcf.floor.cover`."""
 
     spacing_m: float = Field(
         ge=0.1, le=1, description="distance between the points of the visible floor, before flat parts lose some"

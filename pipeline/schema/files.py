@@ -75,21 +75,29 @@ def check_contents(record: Mapping[str, Any], files: Mapping[str, bytes], grid: 
     low = np.array([west - _BEYOND_M, south - _BEYOND_M, -_BELOW_M])
     high = np.array([east + _BEYOND_M, north + _BEYOND_M, record["height_m"] + _ABOVE_M])
     check_meshes(files, low, high)
-    for name, kind in _fixed_pictures(record).items():
-        width, height = check_png(name, files[name], kind, MOST_PIXELS[name])
-        inflate_png(name, files[name])
-        if name == ROCK_TEXTURE and (width != height or width < 16):
-            raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
-        if name == PREVIEW and not 64 <= width <= 4096:
-            raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
+    for name in PICTURES:
+        if has_visible_rock(record) or name not in VISIBLE:
+            check_picture(name, files[name])
     _check_fields(record, files)
     _check_grid(grid)
     for name in (FREE_SPACE, TOPOLOGY):
         read_json(name, files[name])
 
 
-def _fixed_pictures(record: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
-    return {name: kind for name, kind in PICTURES.items() if has_visible_rock(record) or name not in VISIBLE}
+def check_picture(name: str, data: bytes) -> None:
+    """Refuse one of `PICTURES` whose kind or size no world has.
+
+    Raises
+    ------
+    BundleError
+        Naming the file, the value and the limit.
+    """
+    width, height = check_png(name, data, PICTURES[name], MOST_PIXELS[name])
+    inflate_png(name, data)
+    if name == ROCK_TEXTURE and (width != height or width < 16):
+        raise BundleError(f"{name}: {width} x {height} px, want a square of 16 px or more")
+    if name == PREVIEW and not 64 <= width <= 4096:
+        raise BundleError(f"{name}: {width} x {height} px, want a width of 64 to 4096 px")
 
 
 def _check_fields(record: Mapping[str, Any], files: Mapping[str, bytes]) -> None:

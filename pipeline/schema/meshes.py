@@ -8,6 +8,7 @@ import numpy as np
 
 from minexplore.bundle import (
     COVER_M,
+    FURNITURE,
     FURNITURE_ABOVE_M,
     LINES_ABOVE_M,
     MESHES,
@@ -35,6 +36,7 @@ def check_meshes(
     low: np.ndarray,
     high: np.ndarray,
     over_m: Callable[[np.ndarray], np.ndarray] = _over_level,
+    is_level: bool = True,
 ) -> None:
     """Refuse meshes that no world has: lying counts, places outside the rock, faces of vertices that are not there.
 
@@ -46,6 +48,8 @@ def check_meshes(
         Corners of the box that holds all vertices.
     over_m : callable
         The heights (n,) m of points (n, 3) m over the floors, which are level at z = 0 without it.
+    is_level : bool
+        Whether heights hold for the visible floor as well; that of a volume is made again of its facets.
 
     Raises
     ------
@@ -55,7 +59,7 @@ def check_meshes(
     for names in _batches(files):
         meshes = [_decode(name, files[name]) for name in names]
         _check_places(names, [mesh.vertices for mesh in meshes], low, high)
-        _check_fittings(names, meshes, over_m)
+        _check_fittings(names, meshes, over_m, is_level)
         _check_faces(names, meshes)
         _check_textures(names, meshes)
         _check_normals(names, meshes)
@@ -111,10 +115,13 @@ def _check_places(names: list[str], vertices: list[np.ndarray], low: np.ndarray,
         )
 
 
-def _check_fittings(names: list[str], meshes: list[TriangleMesh], over_m: Callable[[np.ndarray], np.ndarray]) -> None:
+def _check_fittings(
+    names: list[str], meshes: list[TriangleMesh], over_m: Callable[[np.ndarray], np.ndarray], is_level: bool
+) -> None:
     """Check that fittings are at heights over the floors where fittings are; NaN fails as well."""
     for name, mesh in zip(names, meshes, strict=True):
-        if is_fitting(mesh_of(name)):
+        kind = mesh_of(name).partition("_")[0]
+        if kind in FURNITURE or (is_level and is_fitting(mesh_of(name))):
             heights = over_m(mesh.vertices)
             _check_heights(mesh_of(name), float(heights.min()), float(heights.max()))
 

@@ -32,7 +32,8 @@ from minexplore.world import load_world
 from pipeline.errors import ArtifactError, ParamsError
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.bundle import obstacles, open_bundle
-from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.floor.cover import cover_floor
+from pipeline.mjcf.floor.grid import level_grid
 from pipeline.mjcf.furniture import _merged, hang_furniture, on_level, over_level, ways_of
 from pipeline.mjcf.loading import load_model
 from pipeline.mjcf.scene import ZoneStrip
@@ -128,14 +129,15 @@ def test_a_leg_of_no_length_between_two_junctions_has_a_floor_too(
     short = Leg("b", "y", "z", 0.0, stations * [0.0], stations * [(20.0, 2.5)], stations * [2.5])
     network = dataclasses.replace(fitted.network, legs=[drift, short])
     zone = open_bundle(fitted.bundle).record.zones[:1]
-    assert cover_floor(fitted_config.realism.floor, shapely.box(0, 0, 20, 5), network, zone)
+    params = fitted_config.realism.floor
+    assert cover_floor(params, level_grid(params, shapely.box(0, 0, 20, 5), network), zone)
 
 
 def straight_floor(fitted: BuiltMine, params: FloorParams, zones: list[ZoneStrip]) -> dict[str, Mesh]:
     """Return the visible floor of a straight drift from (0, 0) to (60, 5) m."""
     leg = Leg("a", "x", "y", 60.0, [0.0, 60.0], [(0.0, 2.5), (60.0, 2.5)], [2.5, 2.5])
     network = dataclasses.replace(fitted.network, legs=[leg])
-    return cover_floor(params, shapely.box(0, 0, 60, 5), network, zones)
+    return cover_floor(params, level_grid(params, shapely.box(0, 0, 60, 5), network), zones)
 
 
 def zone_of(name: str, west_m: float, east_m: float) -> ZoneStrip:
@@ -469,7 +471,8 @@ def test_fittings_without_what_they_need_are_refused(overrides, message):
 
 def test_the_same_parameters_give_the_same_fittings(fitted: BuiltMine, fitted_config: Config):
     params, record = fitted_config.realism, open_bundle(fitted.bundle).record
-    one, two = (cover_floor(params.floor, fitted.free_space.polygon, fitted.network, record.zones) for _ in range(2))
+    plan = fitted.free_space.polygon, fitted.network
+    one, two = (cover_floor(params.floor, level_grid(params.floor, *plan), record.zones) for _ in range(2))
     assert all((one[name].vertices == two[name].vertices).all() for name in one)
     rough = {name: data for name, data in fitted.surface.items() if name.endswith(".msh")}
     ways, main_m = ways_of(fitted.network, 3.5), on_level(fitted.network.main_drift_m)
@@ -508,6 +511,6 @@ def test_workings_that_are_far_apart_get_a_coarser_floor(fitted: BuiltMine, fitt
     far = shapely.box(0, 0, 3000, 4).union(shapely.box(2996, 0, 3000, 900))
     zone = open_bundle(fitted.bundle).record.zones[:1]
     params = fitted_config.realism.floor.model_copy(update={"puddles": []})
-    meshes = cover_floor(params, far, fitted.network, zone)
+    meshes = cover_floor(params, level_grid(params, far, fitted.network), zone)
     assert "0.41 m apart instead of 0.1 m" in capsys.readouterr().err
     assert sum(len(mesh.faces) for mesh in meshes.values()) > 100

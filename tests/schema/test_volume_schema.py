@@ -154,7 +154,7 @@ def test_a_model_that_the_builder_does_not_write_is_refused_with_its_path(box, f
     assert old.encode() in files["mine.xml"]
     changed = replace(open_volume(box), model=files["mine.xml"].replace(old.encode(), new.encode(), 1))
     with pytest.raises(ArtifactError, match=re.escape(message)):
-        require_same_model(box, changed)
+        require_same_model(box, changed, 0.0)
 
 
 @pytest.mark.parametrize("tag", ["mesh", "geom"])
@@ -165,10 +165,10 @@ def test_a_part_that_is_moved_in_the_model_or_missing_is_refused(box, files, tag
     assert found is not None
     moved = replace(world, model=f"{text[: found.end()]}9{text[found.end() :]}".encode())
     with pytest.raises(ArtifactError, match=rf"{tag}\[rock_0000\]@{attribute} = "):
-        require_same_model(box, moved)
+        require_same_model(box, moved, 0.0)
     last = re.findall(rf'<{tag} name="(?:rock|floor)_[^>]*>', text)[-1]
     with pytest.raises(ArtifactError, match="missing"):
-        require_same_model(box, replace(world, model=text.replace(last, "").encode()))
+        require_same_model(box, replace(world, model=text.replace(last, "").encode()), 0.0)
 
 
 def test_a_model_may_have_the_text_of_as_many_parts_as_a_volume_may_have(ramp):

@@ -95,12 +95,12 @@ def pieces_of_model(model: mujoco.MjModel, zones: list[str]) -> Iterable[Piece]:
 
 
 def _seen_label(model: mujoco.MjModel, geom: int, zones: list[str]) -> PieceLabel:
-    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-        return surface_label(model.mesh(model.geom_dataid[geom]).name, zones)
     name = model.geom(geom).name
     for zone in zones:
         if puddle_geom(zone) == name:
             return water_label(zone)
+    if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+        return surface_label(model.mesh(model.geom_dataid[geom]).name, zones)
     raise ArtifactError(f"geom {name}: has no label")
 
 

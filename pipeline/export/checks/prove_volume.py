@@ -9,6 +9,7 @@ from minexplore.floors.volume_arrays import FacetLabel, VolumeArrays
 from pipeline.export.checks.pieces import match_labels, pieces_of_scene
 from pipeline.export.checks.prove import SEED, Count, Proof, same_frictions
 from pipeline.export.checks.rays import RayTest, cast_at, starts_on_spans
+from pipeline.export.labels import FLOOR_SURFACE
 from pipeline.export.scene import ConvexPart, ExportScene, ReadScene, hull_triangles
 from pipeline.params.validation import Limit, VolumeProofParams
 from pipeline.proof.certificate import Certificate, certify
@@ -38,8 +39,8 @@ def prove_volume(arrays: VolumeArrays, scene: ExportScene, read: ReadScene, para
     touched = RayTest(draw, cast_at(facets.vertices[facets.faces]))
     rays = {"touched": touched.compare(np.concatenate([np.zeros((0, 3, 3)), *map(hull_triangles, read.parts)]), SEED)}
     floor = facets.vertices[facets.faces[facets.label == FacetLabel.FLOOR]]
-    rock = [surface.triangles_m for surface in scene.surfaces if scene.texture and not surface.zone]
-    seen = RayTest(draw, cast_at(np.concatenate([floor, *rock])) if rock else cast_at(facets.vertices[facets.faces]))
+    shown = [s.triangles_m for s in scene.surfaces if scene.texture and not s.name.startswith(FLOOR_SURFACE)]
+    seen = RayTest(draw, cast_at(np.concatenate([floor, *shown])) if shown else cast_at(facets.vertices[facets.faces]))
     surfaces = np.concatenate([np.zeros((0, 3, 3)), *(surface.triangles_m for surface in read.surfaces)])
     rays["seen"] = seen.compare(surfaces, SEED)
     lights = None if read.lights is None else Count(len(scene.lights), read.lights)

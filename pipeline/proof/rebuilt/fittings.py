@@ -10,13 +10,13 @@ from scipy.spatial import cKDTree
 from shapely import Polygon
 
 from minexplore.bundle import (
+    FURNITURE,
     MESHES,
     MODEL,
     TOPOLOGY,
     TriangleMesh,
     decode_msh,
     encode_msh,
-    is_cover,
     is_fitting,
     mesh_file,
     mesh_of,
@@ -26,39 +26,64 @@ from minexplore.bundle import (
 from minexplore.looks import SHADE_LEVELS, TEXTURE_PER_M
 from pipeline.errors import ArtifactError
 from pipeline.mjcf.bundle import WorldRecord
-from pipeline.mjcf.floor_cover import cover_floor
+from pipeline.mjcf.floor.cover import cover_floor
+from pipeline.mjcf.floor.grid import level_grid
 from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
 from pipeline.mjcf.loading import read_spec
 from pipeline.params.fittings import FloorParams, FurnitureParams
 from pipeline.proof.rebuilt.visible import rough_meshes
 from pipeline.store.codecs import Bundle, decode, encode
-from pipeline.types import DriftNetwork
+from pipeline.types import DriftNetwork, Mesh
 
 _APART_M = 2e-3  # of a corner: far from the origin it has millimetres, and another processor may round the other way
 _TEXTURED_M = 5e-3
 _LEVEL_M = 1e-6
 
 
-def require_floor(folder: Path, record: WorldRecord, free: Polygon, params: FloorParams | None) -> None:
+def require_floor(
+    folder: Path, files: Iterable[str], params: FloorParams | None, lay: Callable[[FloorParams], Mapping[str, Mesh]]
+) -> None:
     """Make the visible floor of a bundle again and compare every face; it may be absent.
+
+    Parameters
+    ----------
+    folder : Path
+    files : iterable of str
+        The bundle's, by its record.
+    params : FloorParams, optional
+    lay : callable
+        Makes the meshes of a floor.
 
     Raises
     ------
     ArtifactError
         With the file, how it differs, and the parameters that would make it.
     """
-    names = {name for name in _fittings(record.files) if is_cover(name)}
+    names = {name for name in _fittings(files) if not _is_furniture(name)}
     if not names:
         return
     if params is None:
         raise ArtifactError(f"{folder / mesh_file(min(names))}: a visible floor, realism.floor = null says none")
-    meshes = cover_floor(params, free, _network(folder), record.zones)
-    made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in meshes.items()}
+    made = {name: decode_msh(encode(Path("cover.msh"), mesh)) for name, mesh in lay(params).items()}
     differs = _first_difference(folder, names, made)
     if differs:
         raise ArtifactError(f"{differs}, by realism.floor")
+
+
+def lay_level(folder: Path, record: WorldRecord, free: Polygon) -> Callable[[FloorParams], Mapping[str, Mesh]]:
+    """Return what makes the visible floor of a level mine, once the water in its model is as its parameters say."""
+
+    def lay(params: FloorParams) -> Mapping[str, Mesh]:
+        _require_water(folder, record, params)
+        return cover_floor(params, level_grid(params, free, _network(folder)), record.zones)
+
+    return lay
+
+
+def _require_water(folder: Path, record: WorldRecord, params: FloorParams) -> None:
+    """Compare the level of the water and the zones that it stands on; `require_same_model` has compared the planes."""
     flooded = [zone.name for zone in record.zones if zone.name in params.puddles]
-    spec = read_spec(folder / MODEL)  # require_same_model has compared the planes
+    spec = read_spec(folder / MODEL)
     level = float(spec.geom(shade_geom(0)).pos[2]) / SHADE_LEVELS[0]
     if abs(level - params.water_m) > _LEVEL_M:
         raise ArtifactError(f"{folder / MODEL}: level {level:g} m, want {params.water_m:g} m, realism.floor.water_m")
@@ -89,7 +114,7 @@ def require_furniture(
     ArtifactError
         With the file, how it differs, and the parameters that would make it.
     """
-    names = {name for name in _fittings(files) if not is_cover(name)}
+    names = {name for name in _fittings(files) if _is_furniture(name)}
     if not names:
         return
     if not params:
@@ -120,6 +145,10 @@ def _meshes(files: Iterable[str]) -> list[str]:
 
 def _fittings(files: Iterable[str]) -> list[str]:
     return [name for name in _meshes(files) if is_fitting(name)]
+
+
+def _is_furniture(mesh: str) -> bool:
+    return mesh.partition("_")[0] in FURNITURE
 
 
 def _network(folder: Path) -> DriftNetwork:

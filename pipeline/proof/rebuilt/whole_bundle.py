@@ -9,7 +9,7 @@ from shapely import Polygon
 from pipeline.geometry.outline.fewest_vertices import MOST_RATIO
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.params.made_by import MadeBy
-from pipeline.proof.rebuilt.fittings import hang_again, require_floor, require_furniture
+from pipeline.proof.rebuilt.fittings import hang_again, lay_level, require_floor, require_furniture
 from pipeline.proof.rebuilt.remake import read_free_space, require_remade
 from pipeline.proof.rebuilt.same_model import require_same_model
 from pipeline.proof.rebuilt.smooth import require_smooth
@@ -62,4 +62,4 @@ def require_rock(folder: Path, record: WorldRecord, free: Polygon, grid: Occupan
     if record.has_visible_rock:
         require_visible(folder, record, free, grid, require_smooth(folder, record, free))
         require_furniture(folder, record.files, params.fittings.furniture, hang_again(folder, record))
-        require_floor(folder, record, free, params.fittings.floor)
+        require_floor(folder, record.files, params.fittings.floor, lay_level(folder, record, free))

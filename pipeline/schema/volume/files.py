@@ -8,7 +8,7 @@ from typing import Any
 
 from minexplore.bundle import (
     CELLS,
-    FURNITURE_MESH,
+    FITTING_MESH,
     MADE_BY,
     MESHES,
     MODEL,
@@ -16,7 +16,6 @@ from minexplore.bundle import (
     OCTREE,
     PARTS,
     RECORD,
-    ROCK_TEXTURE,
     ROUGH_MESH,
     TOPOLOGY,
     VOLUME,
@@ -26,14 +25,15 @@ from minexplore.bundle import (
 )
 from minexplore.floors.volume_arrays import VolumeArrays
 from minexplore.sealed.json_text import read_json
-from minexplore.sealed.png import GREY, PALETTE, RGB, check_png
-from minexplore.sealed.sizes import MOST_CELLS, MOST_PIXELS
+from minexplore.sealed.png import GREY, check_png
+from minexplore.sealed.sizes import MOST_CELLS
+from pipeline.schema.files import VISIBLE, check_picture
 from pipeline.schema.meshes import check_meshes
 from pipeline.schema.png import inflate_png
 from pipeline.schema.volume.network import check_network
 
 _BEYOND_M = 1.0  # that visible rock reaches beyond the free space, at most
-_MESH_FILE = re.compile(rf"{MESHES}(?:{ROUGH_MESH}|{FURNITURE_MESH})\.msh", re.ASCII)
+_MESH_FILE = re.compile(rf"{MESHES}(?:{ROUGH_MESH}|{FITTING_MESH})\.msh", re.ASCII)
 
 
 def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) -> set[str]:
@@ -44,14 +44,16 @@ def require_rock_files(record: Mapping[str, Any], files: Mapping[str, bytes]) ->
     BundleError
         Naming the file.
     """
-    found = {name for name in files if name == ROCK_TEXTURE or _MESH_FILE.fullmatch(name)}
+    found = {name for name in files if name in VISIBLE or _MESH_FILE.fullmatch(name)}
     if not has_visible_rock(record):
         for name in sorted(found):
             raise BundleError(
                 f"{name}: no file of a world that is one volume, as {RECORD} says overlay = {NO_OVERLAY!r}"
             )
-    elif ROCK_TEXTURE not in found or len(found) < 2:
-        raise BundleError(f"{MESHES if ROCK_TEXTURE in found else ROCK_TEXTURE}: missing")
+        return found
+    missing = [name for name in VISIBLE if name not in found] or ([] if len(found) > len(VISIBLE) else [MESHES])
+    if missing:
+        raise BundleError(f"{missing[0]}: missing")
     return found
 
 
@@ -64,11 +66,10 @@ def check_rock(files: Mapping[str, bytes], volume: VolumeArrays) -> None:
         Naming the file, the value and the limit.
     """
     vertices = volume.facets.vertices
-    check_meshes(files, vertices.min(axis=0) - _BEYOND_M, vertices.max(axis=0) + _BEYOND_M, volume.spans.heights_over)
-    width, height = check_png(ROCK_TEXTURE, files[ROCK_TEXTURE], (RGB, PALETTE), MOST_PIXELS[ROCK_TEXTURE])
-    inflate_png(ROCK_TEXTURE, files[ROCK_TEXTURE])
-    if width != height or width < 16:
-        raise BundleError(f"{ROCK_TEXTURE}: {width} x {height} px, want a square of 16 px or more")
+    low, high = vertices.min(axis=0) - _BEYOND_M, vertices.max(axis=0) + _BEYOND_M
+    check_meshes(files, low, high, volume.spans.heights_over, is_level=False)
+    for name in VISIBLE:
+        check_picture(name, files[name])
 
 
 VOLUME_FILES = (CELLS, MODEL, OCTREE, PARTS, RECORD, TOPOLOGY, VOLUME)

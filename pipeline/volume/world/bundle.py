@@ -15,6 +15,7 @@ from minexplore.bundle import (
     MODEL,
     NO_OVERLAY,
     PARTS,
+    PREVIEW,
     RECORD,
     ROUGH_OVERLAY,
     TOPOLOGY,
@@ -33,11 +34,13 @@ from pipeline.store.hashing import sha256_bytes
 from pipeline.types import FreeSpace, Survey
 from pipeline.volume.world.compile import BUILT
 from pipeline.volume.world.content import world_box
-from pipeline.volume.world.model import VolumeScene, model_xml
+from pipeline.volume.world.floor.cover import lay_floor
+from pipeline.volume.world.model import VolumeScene, eye_over, model_xml
 from pipeline.volume.world.parts import cut_floors
 from pipeline.volume.world.record import BuiltVolume, VolumeFigures, VolumeRecord
 from pipeline.volume.world.surface.furnished import hang_in_volume
 from pipeline.volume.world.surface.show import chunk_names, rock_files
+from pipeline.volume.world.surface.views import draw_preview
 from pipeline.volume.world.topology import LegNetwork, Start, heading_at
 
 _OWN = (SPAWN, BUILT)  # of the stage's folder, which the record holds
@@ -76,6 +79,9 @@ def bundle_volume(
     box = world_box(volume)
     west, south, east, north = box
     zones = tile_zones(params.zones, box)
+    if seen and params.floor is not None:
+        laid = lay_floor(params.floor, volume, legs, zones)
+        seen |= {mesh_file(name): encode(Path(mesh_file(name)), mesh) for name, mesh in laid.items()}
     parts = cut_floors(decode(compiled / PARTS, Parts), [zone.east_m for zone in zones[:-1]], volume)
     scene = VolumeScene(
         name=survey.name,
@@ -85,16 +91,21 @@ def bundle_volume(
         lights=lights_of(params.lights, legs),
         look=params.look,
         anchor_m=start.anchor_m,
+        eye_m=eye_over(cells, start.anchor_m),
         heading_rad=heading_at(legs, start.anchor_m),
         world_m=box,
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
         rock=chunk_names(seen),
+        water_m=params.floor.water_m if params.floor else 0.0,
     )
     names = sorted(path.name for path in compiled.iterdir() if path.name not in _OWN)
     files = {name: (compiled / name).read_bytes() for name in names}
     files |= {MODEL: model_xml(scene), PARTS: encode(Path(PARTS), parts), **seen}
     built: BuiltVolume = decode(compiled / BUILT, BuiltVolume)
     record = _record(params, scene, free_space, legs, start, _figures(volume, parts, cells, built))
+    if seen:
+        preview = draw_preview(seal(files, record, params), record, free_space.polygon, params.preview_width_px)
+        files[PREVIEW] = encode(Path(PREVIEW), preview)
     return seal(files, record, params)
 
 

@@ -22,11 +22,12 @@ from minexplore.bundle import (
     rock_geom,
     spot_light,
 )
-from minexplore.floors.volume_arrays import FacetLabel, Parts
+from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts
 from minexplore.looks import EXTENT_M, LOOKS, floor_texture
 from pipeline.mjcf.scene import SpotLight, ZoneStrip
-from pipeline.volume.world.surface.show import show_rock
+from pipeline.volume.world.surface.show import show_fittings, show_rock
 
+_EYE_M, _EYE_SHARE = 1.2, 0.5  # of a camera over the floor, and of the free height there at most
 _DIGITS = 7  # of coordinates about a part's middle, m
 _GROUPS = {FacetLabel.WALL: GeomGroup.COLLISION, FacetLabel.ROOF: GeomGroup.ROOF}
 
@@ -42,10 +43,18 @@ class VolumeScene:
     lights: list[SpotLight]
     look: str
     anchor_m: tuple[float, float, float]
+    eye_m: float  # of the camera over the anchor
     heading_rad: float
     world_m: tuple[float, float, float, float]
     offset_m: np.ndarray
     rock: list[str]  # names of the visible meshes
+    water_m: float  # of puddles above the floor
+
+
+def eye_over(cells: FloorSpans, anchor_m: Sequence[float]) -> float:
+    """Return how high over an anchor, on a floor, a camera stands, m: as a person's, or lower under a low roof."""
+    nearest = int(np.linalg.norm(cells.places_m - anchor_m, axis=1).argmin())
+    return round(min(_EYE_M, _EYE_SHARE * float(cells.headroom_m[nearest])), 3)
 
 
 def zone_numbers(parts: Parts, zones: Sequence[ZoneStrip]) -> np.ndarray:
@@ -119,6 +128,7 @@ def model_tree(scene: VolumeScene, parts: Iterable[tuple[Element, Element]]) -> 
     for camera in _cameras(scene):
         mine.append(camera)
     show_rock(root, scene.rock, scene.look)
+    show_fittings(root, scene.rock, scene.zones, scene.water_m)
     return root
 
 
@@ -168,7 +178,7 @@ def _cameras(scene: VolumeScene) -> Iterator[Element]:
     x, y, z = scene.anchor_m
     c, s = math.cos(scene.heading_rad), math.sin(scene.heading_rad)
     yield Element(
-        "camera", name=ENTRANCE_CAMERA, pos=_text((x, y, z + 1.2)), xyaxes=_text((s, -c, 0, 0, 0, 1)), fovy="70"
+        "camera", name=ENTRANCE_CAMERA, pos=_text((x, y, z + scene.eye_m)), xyaxes=_text((s, -c, 0, 0, 0, 1)), fovy="70"
     )
     west, south, east, north = scene.world_m
     pitch, fovy = math.radians(60.0), 30.0

@@ -13,15 +13,18 @@ import numpy as np
 from minexplore.bundle import CELLS, OCTREE, RECORD, STOREY_MAPS, TOPOLOGY, VOLUME, storey_map
 from pipeline.errors import ArtifactError, GeometryError
 from pipeline.params.compile3d import SpawnParams
+from pipeline.params.fittings import FloorParams
 from pipeline.params.validation import VolumeProofParams
 from pipeline.proof.rebuilt.differences import first_difference
+from pipeline.proof.rebuilt.fittings import require_floor
 from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
 from pipeline.store.codecs import decode
-from pipeline.types import DrawnFloors, Image, SurveyedLegs, VolumeShape
+from pipeline.types import DrawnFloors, Image, Mesh, SurveyedLegs, VolumeShape
 from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
 from pipeline.volume.world.compile import robot_size
 from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.floor.cover import lay_floor
 from pipeline.volume.world.maps import drawn_maps, octree_of
 from pipeline.volume.world.proof.again.labelled import require_labelled
 from pipeline.volume.world.proof.again.remodelled import require_same_model
@@ -49,6 +52,7 @@ def require_remade(
     params: VolumeProofParams,
     surveyed: SurveyedLegs | None,
     shape: VolumeShape | None = None,
+    floor: FloorParams | None = None,
 ) -> None:
     """Make the files and figures of a volume's bundle again from its mesh and its survey, and compare them.
 
@@ -63,6 +67,8 @@ def require_remade(
         The legs of the survey, or those that the bundle states; None if the world's legs follow its floors.
     shape : VolumeShape, optional
         What was surveyed, if it is known: it has the elevation of z = 0, and is drawn areas or not.
+    floor : FloorParams, optional
+        What the visible floor was made with, if there is one.
 
     Raises
     ------
@@ -81,10 +87,15 @@ def require_remade(
     _require_figures(folder, world, surveyed, shape)
     require_plan(folder, world, surveyed)
     _require_start(folder, world, params)
-    require_same_model(folder, world)
+    require_floor(folder, world.record.files, floor, lambda wanted: _laid(world, wanted))
+    require_same_model(folder, world, floor.water_m if floor else 0.0)
     if world.rock:
         require_shading(folder, world.rock, JoinedRock.of(list(world.rock.values())))
         require_textured(folder, world.rock)
+
+
+def _laid(world: VolumeBundle, params: FloorParams) -> dict[str, Mesh]:
+    return lay_floor(params, world.mine, world.legs, world.record.zones)
 
 
 def follows_floors(world: VolumeBundle, params: VolumeProofParams) -> bool:

@@ -12,18 +12,37 @@ from minexplore.bundle import (
     MINE_BODY,
     ROCK_CLASS,
     ROCK_TEXTURE,
+    SHADE_MATERIAL,
+    SHADE_MESH,
     SURFACE_BODY,
     SURFACE_CLASS,
+    WATER_MATERIAL,
     GeomGroup,
+    cover_material,
     fitting_geom,
     fitting_material,
     ground_material,
     is_fitting,
     mesh_file,
     mesh_of,
+    puddle_geom,
+    shade_geom,
     surface_geom,
 )
-from minexplore.looks import CUT_MATERIAL, CUT_RGBA, EXTENT_M, FURNITURE_LOOKS, LOOKS, PLAIN, Look, cover_rgba
+from minexplore.looks import (
+    CUT_MATERIAL,
+    CUT_RGBA,
+    EXTENT_M,
+    FURNITURE_LOOKS,
+    LOOKS,
+    PLAIN,
+    SHADE,
+    SHADE_LEVELS,
+    WATER,
+    Look,
+    cover_rgba,
+)
+from pipeline.mjcf.scene import ZoneStrip
 from pipeline.places import TEXTURE
 from pipeline.store.codecs import Bundle, decode
 from pipeline.store.palette_png import encode_texture
@@ -48,8 +67,13 @@ def chunk_names(files: Iterable[str]) -> list[str]:
     return sorted(mesh_of(name) for name in files if name.startswith(MESHES))
 
 
+def is_sheet(mesh: str) -> bool:
+    """Return whether a mesh of this name is the floor itself, which water or shade is shown above."""
+    return mesh == SHADE_MESH or mesh.startswith(puddle_geom(""))
+
+
 def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> None:
-    """Add the visible meshes of these names, and furniture, to a model. Its collision parts get the colour of cut rock.
+    """Add the visible meshes of these names, and geoms of rock, to a model. Its collision parts look like cut rock.
 
     Nothing collides with the bodies of the visible meshes.
     """
@@ -70,22 +94,49 @@ def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> Non
         ElementTree.SubElement(asset, "mesh", name=name, file=mesh_file(name), inertia="shell")
         if not is_fitting(name):
             ElementTree.SubElement(body, "geom", {"name": surface_geom(name), "class": SURFACE_CLASS, "mesh": name})
-    fittings = [name for name in names if is_fitting(name)]
-    if fittings:
-        _show_fittings(root, fittings)
 
 
-def _show_fittings(root: ElementTree.Element, names: Sequence[str]) -> None:
-    """Add the furniture of these names to a model, in a body of its own."""
+def show_fittings(root: ElementTree.Element, names: Sequence[str], zones: Sequence[ZoneStrip], water_m: float) -> None:
+    """Add geoms of the visible floor and the furniture among these meshes to a model, in a body of their own.
+
+    Sheets are meshes of the floor itself: water stands `water_m` above it, and a stack of clear ones darkens hollows.
+    """
+    names = [name for name in names if is_fitting(name)]
+    if not names:
+        return
     asset, mine = _only(root, "asset"), _only(root, f"worldbody/body[@name='{MINE_BODY}']")
     body = ElementTree.SubElement(mine, "body", name=FITTINGS_BODY)
+    named = [zone.name for zone in zones]
+    sheets = {puddle_geom(zone): (puddle_geom(zone), WATER_MATERIAL, water_m) for zone in named}
+    sheets |= {
+        shade_geom(layer): (SHADE_MESH, SHADE_MATERIAL, share * water_m) for layer, share in enumerate(SHADE_LEVELS)
+    }
+    sheets = {geom: sheet for geom, sheet in sheets.items() if sheet[0] in names}
     for name in names:
-        own = {"name": fitting_geom(name), "class": SURFACE_CLASS, "mesh": name, "material": fitting_material(name, [])}
-        ElementTree.SubElement(body, "geom", own)
-    for kind, (rgba, specular) in FURNITURE_LOOKS.items():
-        if any(name.startswith(f"{kind}_") for name in names):
-            seen = {"rgba": _text(rgba), "specular": f"{specular:g}", "shininess": "0.4"}
-            ElementTree.SubElement(asset, "material", {"name": fitting_material(kind, []), **seen})
+        if not is_sheet(name):
+            _show(body, fitting_geom(name), name, fitting_material(name, named))
+    for geom, (mesh, material, level_m) in sheets.items():
+        _show(body, geom, mesh, material).set("pos", f"0 0 {level_m:.12g}")
+    used = {geom.attrib["material"] for geom in body}
+    (water, reflectance), plain = WATER, {"specular": "0", "shininess": "0"}
+    looks: dict[str, tuple[Sequence[float], dict[str, str]]] = {
+        cover_material(zone.name): (cover_rgba(zone.rgba), {"texture": "rock", **plain}) for zone in zones
+    }
+    looks |= {
+        fitting_material(kind, []): (rgba, {"specular": f"{specular:g}", "shininess": "0.4"})
+        for kind, (rgba, specular) in FURNITURE_LOOKS.items()
+    }
+    looks[SHADE_MATERIAL] = SHADE, plain
+    looks[WATER_MATERIAL] = water, {"specular": "0.5", "shininess": "0.9", "reflectance": f"{reflectance:g}"}
+    for material, (rgba, look) in looks.items():
+        if material in used:
+            ElementTree.SubElement(asset, "material", {"name": material, "rgba": _text(rgba), **look})
+
+
+def _show(body: ElementTree.Element, geom: str, mesh: str, material: str) -> ElementTree.Element:
+    return ElementTree.SubElement(
+        body, "geom", {"name": geom, "class": SURFACE_CLASS, "mesh": mesh, "material": material}
+    )
 
 
 def _dress(root: ElementTree.Element, look: Look) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import mujoco
@@ -11,12 +13,13 @@ from shapely.geometry.base import BaseGeometry
 from minexplore.bundle import GeomGroup, fitting_geom, is_fitting, mesh_file, surface_geom
 from minexplore.pictures.shown import shown_spec
 from minexplore.world import load_world
+from pipeline.mjcf.render import render_preview
 from pipeline.mjcf.visible import VisibleMesh, hide_but, in_sight
 from pipeline.report.figures.views import View, draw_eyes
-from pipeline.store.codecs import decode
+from pipeline.store.codecs import Bundle, decode
 from pipeline.types import Image, Mesh
 from pipeline.volume.world.record import VolumeRecord
-from pipeline.volume.world.surface.show import chunk_names
+from pipeline.volume.world.surface.show import chunk_names, is_sheet
 from pipeline.volume.world.topology import LegNetwork
 
 _EYE_M, _EYE_SHARE = 1.0, 0.45  # over the floor, at most so much of the height
@@ -36,16 +39,35 @@ def draw_volume_views(folder: Path, record: VolumeRecord, legs: LegNetwork, plan
     world = load_world(folder)
     start = record.spawn.anchor_m + np.array([0.0, 0.0, _EYE_M])
     beside, spec = _at_junction(legs), shown_spec(world)
-    hide_but(spec, in_sight(_visible(folder, record), plan, [start[:2], *(eye[:2] for eye, _ in beside)]))
+    near = in_sight(_visible(folder, record.files), plan, [start[:2], *(eye[:2] for eye, _ in beside)])
+    _show_near(spec, near)
     model, T = world.compile(spec), world.T_world_mine
     ahead = _farthest(model, (T @ [*start, 1.0])[:3])  # a volume is not turned in its world
     return draw_eyes(model, T, [(start, start + ahead), *beside])
 
 
-def _visible(folder: Path, record: VolumeRecord) -> dict[str, VisibleMesh]:
-    """Return the visible rock and the furniture by the names of their geoms."""
+def draw_preview(files: Bundle, record: VolumeRecord, plan: BaseGeometry, width_px: int) -> Image:
+    """Return the preview picture (height, width_px, 3) uint8, BGR, of the files of a bundle that has none yet."""
+    with tempfile.TemporaryDirectory(prefix="minexplore-") as folder:
+        for name, data in files.items():
+            path = Path(folder, name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(data)
+        world = load_world(Path(folder))
+        spec = shown_spec(world)
+        _show_near(spec, in_sight(_visible(world.folder, files), plan, [np.array(record.spawn.anchor_m[:2])]))
+        return render_preview(world.compile(spec), width_px)
+
+
+def _show_near(spec: mujoco.MjSpec, near: set[str]) -> None:
+    """Hide visible meshes but those of some geoms, and the floor's sheets."""
+    hide_but(spec, near | {geom.name for geom in spec.geoms if is_sheet(geom.meshname)})
+
+
+def _visible(folder: Path, files: Iterable[str]) -> dict[str, VisibleMesh]:
+    """Return the visible rock, muck and furniture by the names of their geoms."""
     found = {}
-    for name in chunk_names(record.files):
+    for name in (name for name in chunk_names(files) if not is_sheet(name)):
         mesh = decode(folder / mesh_file(name), Mesh)
         geom = fitting_geom(name) if is_fitting(name) else surface_geom(name)
         found[geom] = VisibleMesh(GeomGroup.ROUGH_SURFACE, mesh.vertices, mesh.faces, np.eye(3), np.zeros(3))

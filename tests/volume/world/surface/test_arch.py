@@ -145,7 +145,7 @@ def test_the_rock_of_a_drawn_room_holds_its_limits_under_the_arch_and_not_under_
 def test_a_record_that_calls_other_areas_drawn_is_refused(folder):
     world = open_volume(folder / "rocky")
     shape = DrawnFloors(FloorMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), world.record.volume.datum_m))
-    require_remade(folder / "rocky", world, proof(), None, shape)
+    require_remade(folder / "rocky", world, proof(), None, shape, WITH_ROCK.realism.floor)
     mine = ClosedMesh(world.mine.vertices, world.mine.faces, world.record.volume.datum_m)
     with pytest.raises(ArtifactError, match=r"is_drawn = True, want False"):
-        require_remade(folder / "rocky", world, proof(), None, mine)
+        require_remade(folder / "rocky", world, proof(), None, mine, WITH_ROCK.realism.floor)

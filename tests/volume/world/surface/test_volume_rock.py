@@ -206,7 +206,7 @@ def test_a_bundle_that_lacks_files_of_its_rock_or_states_none_is_refused(files, 
 
 
 def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(box, files):
-    world, model = open_volume(box / "rocky"), files["mine.xml"].decode()
+    world, model, water_m = open_volume(box / "rocky"), files["mine.xml"].decode(), CONFIG.realism.floor.water_m
     line = re.search(r'<geom name="surface_walls[^>]*>', model)
     assert line is not None
     no_texture, other_texture = (re.sub(r' texcoord="[^ ]* ', new, model, count=1) for new in (' x="', ' texcoord="7 '))
@@ -219,7 +219,7 @@ def test_a_bundle_whose_model_shows_other_rock_than_its_files_is_refused(box, fi
         (re.sub(r'(<material name="ground_[^>]*) texture="rock"', r"\1", model), "material[ground_"),
     ):
         with pytest.raises(ArtifactError, match=re.escape(message)):
-            require_same_model(box / "rocky", dataclasses.replace(world, model=changed.encode()))
+            require_same_model(box / "rocky", dataclasses.replace(world, model=changed.encode()), water_m)
 
 
 def test_floors_have_the_texture_of_their_places_and_the_colour_of_their_zone(box, files):

@@ -15,7 +15,7 @@ from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
 from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.content import world_box
-from pipeline.volume.world.model import VolumeScene, model_tree, part_geoms, part_meshes, part_names
+from pipeline.volume.world.model import VolumeScene, eye_over, model_tree, part_geoms, part_meshes, part_names
 from pipeline.volume.world.proof.again.relit import light_of, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.topology import heading_at
@@ -27,11 +27,12 @@ _WHERE = {"mesh": ("mujoco", "asset"), "geom": ("mujoco", "worldbody", f"body[{M
 _Stated = tuple[str, str, dict[str, str]]  # tag, path and attributes of an element
 
 
-def require_same_model(folder: Path, world: VolumeBundle) -> None:
+def require_same_model(folder: Path, world: VolumeBundle, water_m: float) -> None:
     """Compare all elements and attributes of the model with those that the builder writes.
 
     The compiled model follows from these and from the files that they name. Taken from the model are height, pitch,
-    cut-off angle and distance of the lights. All else follows from `world.json`, the network, the mesh and the parts.
+    cut-off angle and distance of the lights. All else follows from `world.json`, the network, the mesh and the parts,
+    and from how high above the floor water stands, `water_m`.
 
     Raises
     ------
@@ -53,10 +54,12 @@ def require_same_model(folder: Path, world: VolumeBundle) -> None:
         lights=[],
         look=record.look,
         anchor_m=record.spawn.anchor_m,
+        eye_m=eye_over(world.cells, record.spawn.anchor_m),
         heading_rad=heading_at(world.legs, record.spawn.anchor_m),
         world_m=box,
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
         rock=sorted(mesh_of(name) for name in record.files if name.startswith(MESHES)),
+        water_m=water_m,
     )
     found = _Elements(scene)
     walk_xml(MODEL, world.model, found)
@@ -64,8 +67,8 @@ def require_same_model(folder: Path, world: VolumeBundle) -> None:
     lights = [light_of(path, attributes) for tag, _, attributes in found.kept if tag == "light"]
     if len(lights) != record.lights:
         raise ArtifactError(f"{path}: {len(lights)} lights, {RECORD} has {record.lights}")
-    lit = remake_lights(path, lights, world.legs)
-    differs = found.differs or found.missing or _difference(found.kept, model_tree(replace(scene, lights=lit), ()))
+    scene = replace(scene, lights=remake_lights(path, lights, world.legs))
+    differs = found.differs or found.missing or _difference(found.kept, model_tree(scene, ()))
     if differs:
         raise ArtifactError(f"{path}: {differs}, as the builder writes it")
 
