@@ -59,11 +59,14 @@ def clearance_to_parts(
     data, probe = mujoco.MjData(model), model.geom("probe").id
     mujoco.mj_forward(model, data)
     tree = shapely.STRtree([section_footprint(part) for part in parts])
+    low, high = (np.array([end(part[:, 2]) for part in parts]) for end in (np.min, np.max))
     clearance = [most_m] * len(places)
     xpos, segment = data.geom_xpos[probe], np.zeros(6)
     for begin in range(0, len(places), _AT_ONCE):
         some = places[begin : begin + _AT_ONCE]
         place, part = tree.query(shapely.points(some[:, :2]), predicate="dwithin", distance=most_m)
+        near = (some[place, 2] > low[part] - most_m) & (some[place, 2] < high[part] + most_m)
+        place, part = place[near], part[near]
         at = some @ T_world_mine[:3, :3].T + T_world_mine[:3, 3]
         for i, geom in zip((begin + place).tolist(), rock[part].tolist(), strict=True):
             if clearance[i] == 0.0:  # in another part; nothing is nearer
