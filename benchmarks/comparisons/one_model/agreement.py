@@ -28,7 +28,7 @@ from pipeline.volume.world.proof.fronts import fronts_of
 
 _RANGE_M, _AREA_M2 = 1e-6, 1e-6  # by which both models may differ
 _END_M, _FAR = 1e-2, 0.02  # of the ends of pushed discs, and the share that may be farther apart
-_NUDGE_M, _NUDGED = 1e-6, 1000  # discs of the level model that are pushed again from beside their places
+_NUDGE_M, _NUDGED = 3e-4, 1000  # discs of the level model that are pushed again from beside their places
 _LOCAL_MM = (2.0, 20.0)  # intrusion and gap of the certificate; discs may be deeper in one model by as much as parts
 
 
@@ -44,7 +44,7 @@ class Agreement:
     reach_m2: tuple[float, float, float]  # by the outline first
     touch: tuple[int, int]
     far: float  # share of the pushed discs that end over 1 cm apart
-    nudged: float  # likewise of the level model twice, from places a micrometre apart
+    nudged: float  # likewise of the level model twice, from places 0.4 mm apart
     deepest_mm: tuple[float, float]
     enclosure: tuple[Enclosure, Enclosure]
 
