@@ -21,6 +21,7 @@ from minexplore.bundle import (
     TOPOLOGY,
     VOLUME,
     VOLUME_FORMAT,
+    decode_msh,
     mesh_file,
     world_sha256,
 )
@@ -39,7 +40,7 @@ from pipeline.volume.world.model import VolumeScene, eye_over, model_xml
 from pipeline.volume.world.parts import cut_floors
 from pipeline.volume.world.record import BuiltVolume, VolumeFigures, VolumeRecord
 from pipeline.volume.world.surface.furnished import hang_in_volume
-from pipeline.volume.world.surface.show import chunk_names, rock_files
+from pipeline.volume.world.surface.show import chunk_names, is_painted, rock_files, rock_names
 from pipeline.volume.world.surface.views import draw_preview
 from pipeline.volume.world.topology import LegNetwork, Start, heading_at
 
@@ -97,6 +98,7 @@ def bundle_volume(
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
         rock=chunk_names(seen),
         water_m=params.floor.water_m if params.floor else 0.0,
+        is_painted=is_painted(decode_msh(seen[name]).texcoords for name in rock_names(seen)),
     )
     names = sorted(path.name for path in compiled.iterdir() if path.name not in _OWN)
     files = {name: (compiled / name).read_bytes() for name in names}

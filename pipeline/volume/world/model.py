@@ -49,6 +49,7 @@ class VolumeScene:
     offset_m: np.ndarray
     rock: list[str]  # names of the visible meshes
     water_m: float  # of puddles above the floor
+    is_painted: bool  # the rock has the colours of a scan
 
 
 def eye_over(cells: FloorSpans, anchor_m: Sequence[float]) -> float:
@@ -127,8 +128,8 @@ def model_tree(scene: VolumeScene, parts: Iterable[tuple[Element, Element]]) -> 
         )
     for camera in _cameras(scene):
         mine.append(camera)
-    show_rock(root, scene.rock, scene.look)
-    show_fittings(root, scene.rock, scene.zones, scene.water_m)
+    show_rock(root, scene.rock, scene.look, scene.is_painted)
+    show_fittings(root, scene.rock, scene.zones, scene.water_m, scene.is_painted)
     return root
 
 

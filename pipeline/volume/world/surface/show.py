@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
+
 from minexplore.bundle import (
     FITTINGS_BODY,
     MESHES,
@@ -48,6 +50,8 @@ from pipeline.store.codecs import Bundle, decode
 from pipeline.store.palette_png import encode_texture
 from pipeline.types import Image
 
+_MEAN = 0.5  # of the texture's brightness
+
 
 def rock_files(rock: Path) -> Bundle:
     """Return the files of a bundle that show rock, of the chunks in a folder of stage 4; none if there are none."""
@@ -72,15 +76,20 @@ def is_sheet(mesh: str) -> bool:
     return mesh == SHADE_MESH or mesh.startswith(puddle_geom(""))
 
 
-def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> None:
+def is_painted(texcoords: Iterable[np.ndarray]) -> bool:
+    """Return whether each piece of rock has a part of the picture: that of a scan's colours, which does not repeat."""
+    return all(laid.min(initial=0.0) >= 0 and laid.max(initial=0.0) <= 1 for laid in texcoords)
+
+
+def show_rock(root: ElementTree.Element, names: Sequence[str], look: str, painted: bool) -> None:
     """Add the visible meshes of these names, and geoms of rock, to a model. Its collision parts look like cut rock.
 
-    Nothing collides with the bodies of the visible meshes.
+    Nothing collides with the bodies of the visible meshes. Where the picture is `painted`, floors have none.
     """
     if not names:
         return
     asset, default = _only(root, "asset"), _only(root, "default")
-    _dress(root, LOOKS[look])
+    _dress(root, LOOKS[look], painted)
     asset.insert(0, ElementTree.Element("texture", name="rock", type="2d", file=ROCK_TEXTURE))
     if look != PLAIN:
         cut = {"rgba": _text(CUT_RGBA), "specular": "0", "shininess": "0"}
@@ -96,10 +105,13 @@ def show_rock(root: ElementTree.Element, names: Sequence[str], look: str) -> Non
             ElementTree.SubElement(body, "geom", {"name": surface_geom(name), "class": SURFACE_CLASS, "mesh": name})
 
 
-def show_fittings(root: ElementTree.Element, names: Sequence[str], zones: Sequence[ZoneStrip], water_m: float) -> None:
+def show_fittings(
+    root: ElementTree.Element, names: Sequence[str], zones: Sequence[ZoneStrip], water_m: float, painted: bool
+) -> None:
     """Add geoms of the visible floor and the furniture among these meshes to a model, in a body of their own.
 
     Sheets are meshes of the floor itself: water stands `water_m` above it, and a stack of clear ones darkens hollows.
+    Where the picture is `painted`, muck has none.
     """
     names = [name for name in names if is_fitting(name)]
     if not names:
@@ -120,7 +132,7 @@ def show_fittings(root: ElementTree.Element, names: Sequence[str], zones: Sequen
     used = {geom.attrib["material"] for geom in body}
     (water, reflectance), plain = WATER, {"specular": "0", "shininess": "0"}
     looks: dict[str, tuple[Sequence[float], dict[str, str]]] = {
-        cover_material(zone.name): (cover_rgba(zone.rgba), {"texture": "rock", **plain}) for zone in zones
+        cover_material(zone.name): (floor_rgba(zone.rgba, painted), _floor_texture(painted) | plain) for zone in zones
     }
     looks |= {
         fitting_material(kind, []): (rgba, {"specular": f"{specular:g}", "shininess": "0.4"})
@@ -133,20 +145,30 @@ def show_fittings(root: ElementTree.Element, names: Sequence[str], zones: Sequen
             ElementTree.SubElement(asset, "material", {"name": material, "rgba": _text(rgba), **look})
 
 
+def floor_rgba(zone_rgba: Sequence[float], painted: bool) -> list[float]:
+    """Return the colour of a floor of a zone: that of its texture times this one, or what both would be on average."""
+    *rgb, opacity = cover_rgba(zone_rgba)
+    return [round(_MEAN * value, 4) if painted else value for value in rgb] + [opacity]
+
+
+def _floor_texture(painted: bool) -> dict[str, str]:
+    return {} if painted else {"texture": "rock"}
+
+
 def _show(body: ElementTree.Element, geom: str, mesh: str, material: str) -> ElementTree.Element:
     return ElementTree.SubElement(
         body, "geom", {"name": geom, "class": SURFACE_CLASS, "mesh": mesh, "material": material}
     )
 
 
-def _dress(root: ElementTree.Element, look: Look) -> None:
+def _dress(root: ElementTree.Element, look: Look, painted: bool) -> None:
     """Give a model the haze of a look, its rock the sheen, its floors the texture, its lights their fading."""
     rock = _only(root, "asset/material[@name='rock']")
     del rock.attrib["rgba"]
     for ground in _only(root, "asset").iter("material"):
         if ground.attrib["name"].startswith(ground_material("")):
-            shown = cover_rgba([float(value) for value in ground.attrib["rgba"].split()])
-            ground.attrib.update(texture="rock", rgba=_text(shown), emission="0")
+            shown = floor_rgba([float(value) for value in ground.attrib["rgba"].split()], painted)
+            ground.attrib.update(_floor_texture(painted), rgba=_text(shown), emission="0")
     rock.attrib.update(texture="rock", specular=f"{look.specular:g}", shininess=f"{look.shininess:g}")
     for light in root.iter("light"):
         light.attrib.update(castshadow="false", attenuation="1 0 0.004", exponent="8")

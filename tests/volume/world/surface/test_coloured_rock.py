@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from minexplore.bundle import MINE_BODY, MODEL, ROCK_TEXTURE, decode_msh
+from minexplore.bundle import MINE_BODY, MODEL, ROCK_TEXTURE, cover_material, decode_msh, ground_material
 from minexplore.floors.volume_arrays import VolumeFacets
 from pipeline.export.exporter import export_world
 from pipeline.params.survey import CloudSurveyParams
@@ -17,6 +17,8 @@ from pipeline.schema import check_world
 from pipeline.store.codecs import decode
 from pipeline.survey.load import read_unlimited
 from pipeline.volume.world.bundle import bundle_volume
+from pipeline.volume.world.proof.again.remodelled import require_same_model
+from pipeline.volume.world.proof.certificate import open_volume
 from pipeline.volume.world.surface.build import rock_of_volume
 from stages.surface import _texture
 from tests.composed import compose
@@ -134,6 +136,15 @@ def test_cameras_see_the_colours_where_they_are(scanned):
     with mujoco.Renderer(model, 48, 64) as renderer:
         seen = {place: nearest(seen_at(model, data, renderer, place)) for place in LOOKED_AT}
     assert seen == LOOKED_AT
+
+
+def test_floors_have_no_part_of_the_picture_of_a_scan(scanned):
+    spec = mujoco.MjSpec.from_file(str(scanned.bundle / MODEL))
+    floors = [m for m in spec.materials if m.name.startswith((ground_material(""), cover_material("")))]
+    assert len(floors) == 6
+    assert not [m.name for m in floors if m.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB]]
+    assert spec.material("rock").textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] == "rock"
+    require_same_model(scanned.bundle, open_volume(scanned.bundle), CONFIG.realism.floor.water_m)
 
 
 def test_the_picture_has_the_points_colours_all_over_the_rock(scanned):

@@ -18,6 +18,7 @@ from pipeline.volume.world.content import world_box
 from pipeline.volume.world.model import VolumeScene, eye_over, model_tree, part_geoms, part_meshes, part_names
 from pipeline.volume.world.proof.again.relit import light_of, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
+from pipeline.volume.world.surface.show import is_painted
 from pipeline.volume.world.topology import heading_at
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 12 digits
@@ -60,6 +61,7 @@ def require_same_model(folder: Path, world: VolumeBundle, water_m: float) -> Non
         offset_m=np.array([-(west + east) / 2, -(south + north) / 2, 0.0]),
         rock=sorted(mesh_of(name) for name in record.files if name.startswith(MESHES)),
         water_m=water_m,
+        is_painted=is_painted(mesh.texcoords for mesh in world.rock.values()),
     )
     found = _Elements(scene)
     walk_xml(MODEL, world.model, found)

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from minexplore.bundle import mesh_file
 from pipeline.errors import ArtifactError
 from pipeline.types import Mesh
+from pipeline.volume.world.surface.show import is_painted
 from pipeline.volume.world.surface.texture import texture_axes
 
 _AWAY_M = 0.75  # from its place before the rock was displaced; 0.40 in Wheal Pell
@@ -44,7 +45,7 @@ def require_textured(folder: Path, chunks: Mapping[str, Mesh]) -> None:
         raise ArtifactError(f"{folder / mesh_file(name)}: at {places[vertex].round(3).tolist()} m {fault}")
 
     piece = _pieces(faces, len(places))
-    packed = bool(laid.min() >= 0 and laid.max() <= 1)
+    packed = is_painted([laid])
     repeat_m = _repeat_m(places, laid, piece, packed)
     if not _REPEAT_M[0] <= repeat_m <= _REPEAT_M[1]:
         raise ArtifactError(
