@@ -1,4 +1,4 @@
-"""The meshes of a volume's visible floor: muck, the water on level floors, and the sheet that shades hollows."""
+"""The meshes of a volume's visible floor: muck, the water on level floors, and the floor again that shades hollows."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _LEAST_CORNERS = 4  # of a mesh in MuJoCo
 def lay_floor(params: FloorParams, volume: VolumeFacets, legs: LegNetwork, zones: list[ZoneStrip]) -> dict[str, Mesh]:
     """Return the meshes of the visible floor by name, m, mine frame; nothing of them collides.
 
-    Muck is that of `cover_floor`. Sheets are the floor itself: MuJoCo shows them as much higher as water stands, or
-    shade. Water stands where a floor is level, in the flooded zones; on a slope it runs off.
+    Muck is that of `cover_floor`. Bare floors are the floor itself, which MuJoCo shows as high as water stands, or shade.
+    Water stands where a floor is level, in the flooded zones; on a slope it runs off.
 
     Parameters
     ----------
@@ -30,10 +30,10 @@ def lay_floor(params: FloorParams, volume: VolumeFacets, legs: LegNetwork, zones
         Ruts follow them.
     zones : list of ZoneStrip
     """
-    return cover_floor(params, volume_grid(params, volume, legs), zones) | _sheets(params, volume, zones)
+    return cover_floor(params, volume_grid(params, volume, legs), zones) | _bare_floors(params, volume, zones)
 
 
-def _sheets(params: FloorParams, volume: VolumeFacets, zones: list[ZoneStrip]) -> dict[str, Mesh]:
+def _bare_floors(params: FloorParams, volume: VolumeFacets, zones: list[ZoneStrip]) -> dict[str, Mesh]:
     """Return floors as they are, seen from above: all of them, and the level ones of each flooded zone."""
     floors = volume.label == FacetLabel.FLOOR
     faces, slope = volume.faces[floors][:, ::-1], np.abs(slopes_of(volume)[floors]).max(axis=1)

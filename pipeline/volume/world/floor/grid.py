@@ -54,7 +54,7 @@ def volume_grid(params: FloorParams, volume: VolumeFacets, legs: LegNetwork) -> 
     facet, pixels = facet[order], pixels[order]
     places = start + spacing_m * pixels * [1, -1]
     height = corners[facet, 0, 2] + (rise[facet] * (places - corners[facet, 0, :2])).sum(axis=1)
-    inner = _Points(pixels, np.column_stack([places, height]), height, rise[facet])
+    inner = _FloorPoints(pixels, np.column_stack([places, height]), height, rise[facet])
     borders = _Borders.of(volume)
     grid = inner.joined(_on_borders(inner, borders, spacing_m))
     faces = _faces_between(grid, len(inner.pixels), spacing_m)
@@ -75,7 +75,7 @@ def volume_grid(params: FloorParams, volume: VolumeFacets, legs: LegNetwork) -> 
 
 
 @dataclass(frozen=True)
-class _Points:
+class _FloorPoints:
     """Points with pixels (n, 2) and places (n, 3) m, the floor's height (n,) m by its plane, and its slope (n, 2)."""
 
     pixels: np.ndarray
@@ -83,10 +83,10 @@ class _Points:
     height_m: np.ndarray
     rise: np.ndarray
 
-    def joined(self, other: _Points) -> _Points:
+    def joined(self, other: _FloorPoints) -> _FloorPoints:
         """Return these points, and then others."""
         names = ("pixels", "points_m", "height_m", "rise")
-        return _Points(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
+        return _FloorPoints(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in names))
 
     def step_m(self, spacing_m: float) -> float:
         """Return by how much two neighbours on one floor may differ in height."""
@@ -132,7 +132,7 @@ class _Borders:
         return self.along(~self.is_end & level[self.facets[:, 0]] & ~level[self.facets[:, 1]])
 
 
-def _on_borders(inner: _Points, borders: _Borders, spacing_m: float) -> _Points:
+def _on_borders(inner: _FloorPoints, borders: _Borders, spacing_m: float) -> _FloorPoints:
     """Return the points beside those on floors, each moved to the nearest place of a border."""
     index, step_m = PixelIndex(inner.pixels, inner.height_m), inner.step_m(spacing_m)
     found = []
@@ -150,7 +150,7 @@ def _on_borders(inner: _Points, borders: _Borders, spacing_m: float) -> _Points:
     places = np.column_stack([middle[:, :2] + (pixels - inner.pixels[source]) * [1, -1] * spacing_m, height])
     moved, away_m = _to_borders(places, borders)
     near = away_m <= max(_BORDER_M, 2.5 * spacing_m)
-    return _Points(pixels[near], moved[near], height[near], inner.rise[source[near]])
+    return _FloorPoints(pixels[near], moved[near], height[near], inner.rise[source[near]])
 
 
 def _to_borders(places: np.ndarray, borders: _Borders) -> tuple[np.ndarray, np.ndarray]:
@@ -163,7 +163,7 @@ def _to_borders(places: np.ndarray, borders: _Borders) -> tuple[np.ndarray, np.n
     return moved, np.linalg.norm(moved - places, axis=1)
 
 
-def _faces_between(grid: _Points, inner: int, spacing_m: float) -> np.ndarray:
+def _faces_between(grid: _FloorPoints, inner: int, spacing_m: float) -> np.ndarray:
     """Return two faces (f, 3) for each square of four neighbours on one floor.
 
     Of faces with points on borders, which come after the inner ones, those without an area are left out.
@@ -205,14 +205,14 @@ def _rim(faces: np.ndarray, count: int) -> np.ndarray:
     return np.column_stack([start[lone], end[lone]]).astype(np.int32)
 
 
-def _shore_m(grid: _Points, ends_m: np.ndarray, level: np.ndarray) -> np.ndarray:
+def _shore_m(grid: _FloorPoints, ends_m: np.ndarray, level: np.ndarray) -> np.ndarray:
     """Return the distance (n,) m of points on level floors from their ends, -1 on slopes."""
     found = np.full(len(level), -1.0)
     found[level] = cKDTree(ends_m).query(grid.points_m[level], distance_upper_bound=_SHORE_M)[0]
     return found
 
 
-def _under_legs(grid: _Points, legs: LegNetwork) -> np.ndarray:
+def _under_legs(grid: _FloorPoints, legs: LegNetwork) -> np.ndarray:
     """Return places (k, 3) m along the legs that are flat enough to drive on, at the height of the floor there."""
     lines = [np.zeros((0, 3))]
     for leg in legs.legs:

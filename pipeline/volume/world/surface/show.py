@@ -71,7 +71,7 @@ def chunk_names(files: Iterable[str]) -> list[str]:
     return sorted(mesh_of(name) for name in files if name.startswith(MESHES))
 
 
-def is_sheet(mesh: str) -> bool:
+def is_bare_floor(mesh: str) -> bool:
     """Return whether a mesh of this name is the floor itself, which water or shade is shown above."""
     return mesh == SHADE_MESH or mesh.startswith(puddle_geom(""))
 
@@ -110,7 +110,7 @@ def show_fittings(
 ) -> None:
     """Add geoms of the visible floor and the furniture among these meshes to a model, in a body of their own.
 
-    Sheets are meshes of the floor itself: water stands `water_m` above it, and a stack of clear ones darkens hollows.
+    Bare floors are the floor itself: water stands `water_m` above it, and a stack of clear ones darkens hollows.
     Where the picture is `painted`, muck has none.
     """
     names = [name for name in names if is_fitting(name)]
@@ -119,15 +119,15 @@ def show_fittings(
     asset, mine = _only(root, "asset"), _only(root, f"worldbody/body[@name='{MINE_BODY}']")
     body = ElementTree.SubElement(mine, "body", name=FITTINGS_BODY)
     named = [zone.name for zone in zones]
-    sheets = {puddle_geom(zone): (puddle_geom(zone), WATER_MATERIAL, water_m) for zone in named}
-    sheets |= {
+    bare = {puddle_geom(zone): (puddle_geom(zone), WATER_MATERIAL, water_m) for zone in named}
+    bare |= {
         shade_geom(layer): (SHADE_MESH, SHADE_MATERIAL, share * water_m) for layer, share in enumerate(SHADE_LEVELS)
     }
-    sheets = {geom: sheet for geom, sheet in sheets.items() if sheet[0] in names}
+    bare = {geom: shown for geom, shown in bare.items() if shown[0] in names}
     for name in names:
-        if not is_sheet(name):
+        if not is_bare_floor(name):
             _show(body, fitting_geom(name), name, fitting_material(name, named))
-    for geom, (mesh, material, level_m) in sheets.items():
+    for geom, (mesh, material, level_m) in bare.items():
         _show(body, geom, mesh, material).set("pos", f"0 0 {level_m:.12g}")
     used = {geom.attrib["material"] for geom in body}
     (water, reflectance), plain = WATER, {"specular": "0", "shininess": "0"}

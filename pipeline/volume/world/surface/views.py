@@ -19,7 +19,7 @@ from pipeline.report.figures.views import View, draw_eyes
 from pipeline.store.codecs import Bundle, decode
 from pipeline.types import Image, Mesh
 from pipeline.volume.world.record import VolumeRecord
-from pipeline.volume.world.surface.show import chunk_names, is_sheet
+from pipeline.volume.world.surface.show import chunk_names, is_bare_floor
 from pipeline.volume.world.topology import LegNetwork
 
 _EYE_M, _EYE_SHARE = 1.0, 0.45  # over the floor, at most so much of the height
@@ -60,14 +60,14 @@ def draw_preview(files: Bundle, record: VolumeRecord, plan: BaseGeometry, width_
 
 
 def _show_near(spec: mujoco.MjSpec, near: set[str]) -> None:
-    """Hide visible meshes but those of some geoms, and the floor's sheets."""
-    hide_but(spec, near | {geom.name for geom in spec.geoms if is_sheet(geom.meshname)})
+    """Hide visible meshes but those of some geoms, and the bare floors."""
+    hide_but(spec, near | {geom.name for geom in spec.geoms if is_bare_floor(geom.meshname)})
 
 
 def _visible(folder: Path, files: Iterable[str]) -> dict[str, VisibleMesh]:
     """Return the visible rock, muck and furniture by the names of their geoms."""
     found = {}
-    for name in (name for name in chunk_names(files) if not is_sheet(name)):
+    for name in (name for name in chunk_names(files) if not is_bare_floor(name)):
         mesh = decode(folder / mesh_file(name), Mesh)
         geom = fitting_geom(name) if is_fitting(name) else surface_geom(name)
         found[geom] = VisibleMesh(GeomGroup.ROUGH_SURFACE, mesh.vertices, mesh.faces, np.eye(3), np.zeros(3))

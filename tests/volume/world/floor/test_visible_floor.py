@@ -212,8 +212,8 @@ def test_an_export_has_muck_and_water_and_no_shade(slope):
     surfaces = {surface.name: surface for surface in scene.surfaces}
     water = surfaces[puddle_geom("water")]
     assert water.label == "water"
-    sheet = decode_msh((slope / mesh_file(water.name)).read_bytes())
-    np.testing.assert_allclose(water.mesh.vertices[:, 2] - sheet.vertices[:, 2], FLOOR.water_m, atol=1e-6)
+    bare = decode_msh((slope / mesh_file(water.name)).read_bytes())
+    np.testing.assert_allclose(water.mesh.vertices[:, 2] - bare.vertices[:, 2], FLOOR.water_m, atol=1e-6)
     assert {surface.zone for name, surface in surfaces.items() if is_cover(name)} == {"dry", "mud", "water"}
     assert not [name for name in surfaces if name.startswith(SHADE_MESH)]
 
