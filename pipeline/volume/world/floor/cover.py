@@ -19,7 +19,7 @@ _LEAST_CORNERS = 4  # of a mesh in MuJoCo
 def lay_floor(params: FloorParams, volume: VolumeFacets, legs: LegNetwork, zones: list[ZoneStrip]) -> dict[str, Mesh]:
     """Return the meshes of the visible floor by name, m, mine frame; nothing of them collides.
 
-    Muck is that of `cover_floor`. Bare floors are the floor itself, which MuJoCo shows as high as water stands, or shade.
+    Muck is that of `cover_floor`. Bare floors are the floor itself; MuJoCo shows them as high as water and shade are.
     Water stands where a floor is level, in the flooded zones; on a slope it runs off.
 
     Parameters
