@@ -8,7 +8,6 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from minexplore import bundle
-from pipeline.geometry.facets.level_slice import slice_points
 from pipeline.geometry.ray_scene import ray_scene
 from pipeline.metrics.rock.planefit import sweep_residuals
 from pipeline.surface.chunks import cut_chunks
@@ -18,10 +17,8 @@ from pipeline.surface.mesh.mesh_checks import check_mesh, find_crossings, find_s
 from pipeline.surface.mesh.rough import closed_mesh, displace_lattice
 from pipeline.surface.mesh.simplify import Mesher, Simplification
 from pipeline.surface.mesh.walls import lay_walls
-from pipeline.surface.relief.joints import relief_of_joints
 from pipeline.surface.relief.noise import Modulation, relief_of_noise
 from pipeline.surface.relief.spectrum import Bands, Roughness, band_wavelengths
-from pipeline.surface.relief_source import configured_rock
 from tests.composed import compose
 from tests.mines import STRAIGHT, random_mine
 from tests.surface.spectra import flat_bands, predicted_rq
@@ -302,17 +299,3 @@ def test_an_edge_that_three_faces_share_is_found():
     faces = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
     np.testing.assert_array_equal(find_shared_edges(vertices, faces), [[0.5, 0, 0]])
     assert len(find_shared_edges(vertices, faces[:2])) == 0
-
-
-@pytest.mark.parametrize(("spacing_m", "seed"), [(0.3, 4), (0.5, 3), (0.5, 4)])
-def test_coarse_rock_is_nowhere_farther_from_the_collision_walls_than_the_certificate_takes(spacing_m, seed):
-    """Of coarse points few are kept, and faces between them leave out points that were nearer to the walls."""
-    lattice = lay_lattice(lay_walls(DRIFT, spacing_m), PROFILE, spacing_m, 0.2)
-    blocks = configured_rock(compose([]).surface.rock)
-    wanted = relief_of_joints(lattice.vertices, lattice.direction, blocks, seed)
-    mesh = displace_lattice(Mesher(lattice, Simplification(0.1, 20.0)), wanted, BOUNDS).mesh
-    walls = cKDTree(shapely.get_coordinates(shapely.segmentize(DRIFT.boundary, 0.02)))
-    for height_m in (0.3, 0.5, 1.0, 1.5):
-        seen = slice_points(mesh.vertices[mesh.faces], height_m)
-        assert walls.query(seen)[0].max() <= 0.6
-        assert cKDTree(seen).query(walls.data)[0].max() <= 0.6

@@ -15,7 +15,6 @@ from shapely import Polygon
 from minexplore.bundle import MESHES, RECORD, SMOOTH_MESHES, WALLS, is_fitting, mesh_file, mesh_of
 from minexplore.looks import PLAIN
 from pipeline.errors import ArtifactError
-from pipeline.geometry.facets.level_slice import slice_points
 from pipeline.geometry.nearest_facets import NearestFacets
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.proof.rebuilt.shading import JoinedRock, require_shading
@@ -33,7 +32,7 @@ _FOOT_AWAY_M = 1.0  # bumps, the floor chamfer, and rounded corners
 _FROM_SMOOTH_M = 1.0  # of a rough vertex: bumps of 0.45 m, and the arch against the chamfer of the roof
 _FROM_WALL_M = 0.6  # of a slice through the visible walls: bumps, and the floor chamfer below
 _KEPT_SHARE, _KEPT_M = 0.3, 0.15  # of a free cell's clearance, that the visible rock leaves, less this
-_FINE_M = 0.02
+_SAMPLE_M, _FINE_M = 0.1, 0.02
 _SAMPLED_M = 0.3  # distance of points on faces that are longer
 _LONGEST_M = 10.0  # of an edge; the default world has 2.6 m
 _LOW_M = (0.3, 1.5)  # heights at which rock far from its wall must leave free cells clear
@@ -265,3 +264,24 @@ def _require_kept(folder: Path, rock: np.ndarray, grid: Occupancy, height: str) 
         raise ArtifactError(
             f"{folder / RECORD}: visible rock stands in the drift at ({x:.2f}, {y:.2f}) m, {height} above the floor"
         )
+
+
+def slice_points(triangles: np.ndarray, height_m: float) -> np.ndarray:
+    """Return points (n, 2) m along the level slice of triangles (m, 3, 3) m, at most 0.1 m apart."""
+    above = triangles[:, :, 2] > height_m
+    cut = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    ends = []
+    for start, end in ((0, 1), (1, 2), (2, 0)):
+        a, b = cut[:, start], cut[:, end]
+        crosses = (a[:, 2] > height_m) != (b[:, 2] > height_m)
+        share = (height_m - a[:, 2]) / np.where(crosses, b[:, 2] - a[:, 2], 1.0)
+        ends.append(np.where(crosses[:, None], a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2]), np.nan))
+    sides = np.stack(ends, axis=1)  # two of the three are numbers
+    order = np.argsort(np.isnan(sides[:, :, 0]), axis=1, kind="stable")
+    segment = np.take_along_axis(sides, order[:, :2, None], axis=1)
+    length = np.linalg.norm(segment[:, 1] - segment[:, 0], axis=1)
+    count = np.maximum(2, np.ceil(length / _SAMPLE_M).astype(int) + 1)
+    owner = np.repeat(np.arange(len(segment)), count)
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    share = (step / (count[owner] - 1))[:, None]
+    return segment[owner, 0] * (1 - share) + segment[owner, 1] * share

@@ -42,7 +42,7 @@ class Lattice:
     Vertices are the wall points, with number `row * columns + column`, then the inner points of the roof. `direction`
     (n, 3) are unit vectors into the workings. `roof_share` (n,) is 0 on the walls and rises to 1 on the roof. `column`
     (n,) is the wall column at or nearest to a vertex. `roof_faces` (k, 3) are over wall columns and
-    inner points. `height_m` is that of the workings.
+    inner points.
     """
 
     vertices: np.ndarray
@@ -52,7 +52,6 @@ class Lattice:
     walls: WallColumns
     rows: int
     roof_faces: np.ndarray
-    height_m: float
 
     @property
     def wall_vertices(self) -> int:
@@ -112,7 +111,6 @@ def lay_lattice(walls: WallColumns, profile: CrossSection, spacing_m: float, roo
         walls=walls,
         rows=len(levels),
         roof_faces=_roof_faces(walls, grid, roof_spacing_m),
-        height_m=profile.height_m,
     )
 
 

@@ -10,7 +10,6 @@ from scipy.spatial import cKDTree
 
 from pipeline.errors import GeometryError
 from pipeline.geometry.rock.partition import triangulate
-from pipeline.surface.mesh.beyond import WallDistance
 from pipeline.surface.mesh.displacement import Bounds, bound_displacement, damp, displaced
 from pipeline.surface.mesh.lattice import Lattice
 from pipeline.surface.mesh.mesh_checks import MeshReport, check_mesh, find_crossings, find_shared_edges
@@ -43,9 +42,9 @@ class RoughSurface:
 def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Bounds) -> RoughSurface:
     """Displace the lattice, simplify its mesh, and repair self-intersections.
 
-    Where an edge crosses a face, a face turns over, more than two faces share an edge, the line of the walls on the
-    floor crosses itself, or a wall is farther from the outline than rock may be, the displacement around the place is
-    halved, several times if needed. If that does not help, the tile is simplified less. The result holds the places.
+    Where an edge crosses a face, a face turns over, more than two faces share an edge, or the line of the walls on the
+    floor crosses itself, the displacement around the place is halved, several times if needed. If that does not help,
+    the tile is simplified less. The result holds the places.
 
     Parameters
     ----------
@@ -58,10 +57,9 @@ def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Boun
     Raises
     ------
     GeometryError
-        If the surface intersects itself, or is too far from the outline, after all rounds of repairs.
+        If the surface intersects itself after all rounds of repairs.
     """
     lattice = mesher.lattice
-    walls = WallDistance(lattice.walls.outline, lattice.height_m)
     given = bound_displacement(wanted_m, lattice, bounds)
     mended, moved = np.zeros((0, 3)), np.ones(len(given), bool)
     for repair in range(_MEND_ROUNDS):
@@ -70,7 +68,6 @@ def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Boun
         wrong = _defects(points, faces[changed], vertices, moved, lattice)
         if not len(wrong) and mesher.simplification and not changed.all():  # tiles meet elsewhere, too
             wrong = find_crossings(points, faces)
-        wrong = np.concatenate([wrong, walls.beyond(points[faces])])
         if not len(wrong):
             return RoughSurface(lattice, vertices, wanted_m, given, mended, mesher.surface(vertices))
         mended = np.concatenate([mended, wrong])
@@ -81,8 +78,8 @@ def displace_lattice(mesher: Mesher[Lattice], wanted_m: np.ndarray, bounds: Boun
         moved = np.isfinite(near)  # only what is near the repairs has moved, so only this is built and checked again
     x, y, z = wrong[0]
     raise GeometryError(
-        f"surface: the rough surface crosses itself or leaves the outline at ({x:.1f}, {y:.1f}, {z:.1f}) m "
-        f"after {_MEND_ROUNDS} rounds of repairs; use a smaller surface.rough.spacing_m"
+        f"surface: the rough surface intersects itself at ({x:.1f}, {y:.1f}, {z:.1f}) m "
+        f"after {_MEND_ROUNDS} rounds of repairs"
     )
 
 

@@ -46,8 +46,7 @@ class WallColumns:
     `xy` (n, 2) m are their places, `inward` (n, 2) unit vectors into the workings. `free_m` and `rock_m` (n,) are radii
     of the largest discs in the workings and in the rock that touch the wall at the column. `passage_m` (n,) is half the
     width of the narrowest passage that the wall borders. In a bay of the wall, the disc is small even if the passage is
-    wide. `outline` is that of the workings before corners were rounded. `narrowest_m` is half the width of the mine's
-    narrowest passage, 0 if it is not known.
+    wide. `narrowest_m` is half the width of the mine's narrowest passage, 0 if it is not known.
     """
 
     xy: np.ndarray
@@ -56,7 +55,6 @@ class WallColumns:
     rock_m: np.ndarray
     passage_m: np.ndarray
     rings: list[Ring]
-    outline: Polygon
     narrowest_m: float = 0.0
 
 
@@ -67,10 +65,10 @@ def lay_walls(
 
     Without a drift network, `passage_m` is `free_m`. `thinnest_rock_m` is as for `largest_discs`.
     """
-    rounded = fillet(free)
+    free = fillet(free)
     rings: list[Ring] = []
     points = []
-    for line in (rounded.exterior, *rounded.interiors):
+    for line in (free.exterior, *free.interiors):
         count = max(8, int(np.ceil(line.length / spacing_m)))
         points.append(shapely.get_coordinates(shapely.line_interpolate_point(line, np.arange(count) / count, True)))
         rings.append(Ring(sum(r.count for r in rings), count, line.length / count))
@@ -79,7 +77,7 @@ def lay_walls(
     free_m, rock_m = largest_discs(xy, inward, thinnest_rock_m)
     passage_m = free_m if network is None else passages(xy, free_m, network)
     free_m, rock_m, passage_m = (_smoothed(radius, rings) for radius in (free_m, rock_m, passage_m))
-    return WallColumns(xy, inward, free_m, rock_m, passage_m, rings, free, narrowest_half_width(network))
+    return WallColumns(xy, inward, free_m, rock_m, passage_m, rings, narrowest_m=narrowest_half_width(network))
 
 
 def outline_of(xy: np.ndarray, rings: list[Ring]) -> Polygon:
