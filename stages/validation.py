@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from pipeline.proof.certificate import Certificate
 from pipeline.proof.drawn_areas import require_drawn_areas
 from pipeline.proof.groups import applying_limits, is_measured, why_rock_is_not_judged
 from pipeline.proof.lidar.replay import replay_sweeps
-from pipeline.proof.lidar.replay_report import Replay
+from pipeline.proof.lidar.swept import SweptWorld, swept_level
 from pipeline.proof.rebuilt.fittings import require_furniture
 from pipeline.proof.validator import MEASURES, Validator
 from pipeline.report.figures.graph import blocked_table
@@ -83,6 +83,7 @@ def _validate_volume(
     )
     from pipeline.volume.world.proof.derived_content import require_remade
     from pipeline.volume.world.proof.levelled import measure_volume_texture
+    from pipeline.volume.world.proof.swept import swept_volume
     from pipeline.volume.world.surface.furnished import hang_again
 
     done = progress("validation", 5, "steps")
@@ -123,6 +124,8 @@ def _validate_volume(
         from pipeline.volume.world.surface.views import draw_volume_views
 
         evidence["views.png"] = draw_volume_views(world, opened.record, opened.legs, plan)
+        if params.extent == "full":
+            evidence |= replayed_evidence(params.replay, lambda: swept_volume(world, opened))
     if found.scan is not None:
         from pipeline.report.figures.deviation import draw_deviation
 
@@ -156,27 +159,28 @@ def _evidence(params: ValidationParams, validator: Validator) -> dict[str, Any]:
 
 def _evidence_of_rock(params: ValidationParams, validator: Validator) -> dict[str, Any]:
     """Return the reports and pictures of the visible rock; Matplotlib, which draws them, takes 0.4 s to load."""
-    from pipeline.report.figures.replay import draw_replay
     from pipeline.report.figures.texture import draw_heat, draw_texture
     from pipeline.report.figures.views import draw_views
 
-    free, replay = validator.free_space.polygon, _replay(params.replay, validator)
-    evidence = {
+    free = validator.free_space.polygon
+    return {
         "views.png": draw_views(validator.bundle, validator.world, free, validator.network),
         "texture.json": validator.texture,
         "texture.png": draw_texture(validator.texture),
         "heat.png": draw_heat(validator.texture, free),
+        **replayed_evidence(params.replay, lambda: swept_level(validator.world, free)),
     }
-    if replay is not None:
-        evidence |= {"replay.json": replay.report, "replay.png": draw_replay(replay, free)}
-    return evidence
 
 
-def _replay(params: ReplayParams, validator: Validator) -> Replay | None:
+def replayed_evidence(params: ReplayParams, opened: Callable[[], SweptWorld]) -> dict[str, Any]:
+    """Return the report and the picture of the survey's sweeps in a world, which is opened if there are any."""
     if params.poses is None or not params.sweeps:
-        return None
-    sweeps = {name: Path(file) for name, file in params.sweeps.items()}
-    return replay_sweeps(validator.world, validator.free_space.polygon, Path(params.poses), sweeps, params)
+        return {}
+    from pipeline.report.figures.replay import draw_replay
+
+    world, sweeps = opened(), {name: Path(file) for name, file in params.sweeps.items()}
+    replay = replay_sweeps(world, Path(params.poses), sweeps, params)
+    return {"replay.json": replay.report, "replay.png": draw_replay(replay, world.plan)}
 
 
 def replayed_files(params: ValidationParams) -> list[str]:

@@ -21,6 +21,7 @@ from minexplore.world import World
 from pipeline.compose import compose
 from pipeline.mjcf.bundle import open_bundle
 from pipeline.proof.lidar.replay import find_sweeps, replay_sweeps
+from pipeline.proof.lidar.swept import swept_level
 from pipeline.scans.sweeps import read_returns
 from pipeline.store.codecs import decode
 from pipeline.types import FreeSpace
@@ -50,9 +51,8 @@ class Bins:
 
 def placed_poses(world: World, folder: Path) -> dict[str, tuple[float, float, float]]:
     """Return the poses of real sweeps in the world: x, y, m, and yaw, rad."""
-    bundle = open_bundle(world.folder)
-    free = decode(world.folder / FREE_SPACE, FreeSpace).polygon
-    replay = replay_sweeps(bundle, free, folder / "scan_poses.csv", find_sweeps(folder), compose([]).validation.replay)
+    level = swept_level(open_bundle(world.folder), decode(world.folder / FREE_SPACE, FreeSpace).polygon)
+    replay = replay_sweeps(level, folder / "scan_poses.csv", find_sweeps(folder), compose([]).validation.replay)
     return {name: sweep.pose_m for name, sweep in replay.report.sweeps.items()}
 
 

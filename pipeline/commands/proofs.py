@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from pipeline.mjcf.bundle import OpenedBundle
     from pipeline.proof.certificate import Certificate
+    from pipeline.proof.lidar.swept import SweptWorld
 
 _CERTIFY_WITHIN = 4_000_000_000, 4 * 3600  # bytes of memory, and s of processor time, of each process
 _CONF = Path(__file__).resolve().parents[2] / "conf"  # the validator's own: no project that made a world decides
@@ -27,14 +28,26 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_atomically, write_report
 
-    world, free = _open_level(bundle)
-    result = replay_sweeps(world, free, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
+    world = _open_swept(bundle)
+    result = replay_sweeps(world, poses, find_sweeps(sweeps), compose(overrides).validation.replay)
     figures = encode(Path("replay.json"), result.report)
     print(figures.decode(), end="")
     if out is not None:
         _require_replay(out)
         write_report(out / "replay.json", figures)
-        write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, free)))
+        write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, world.plan)))
+
+
+def _open_swept(bundle: Path) -> SweptWorld:
+    """Return what sweeps are replayed in, of a world by either model."""
+    if (bundle / VOLUME).is_file():
+        from pipeline.volume.world.proof.certificate import open_volume
+        from pipeline.volume.world.proof.swept import swept_volume
+
+        return swept_volume(bundle, open_volume(bundle))
+    from pipeline.proof.lidar.swept import swept_level
+
+    return swept_level(*_open_level(bundle))
 
 
 def _require_replay(out: Path) -> None:

@@ -38,10 +38,10 @@ class RayCaster:
         planes = face_planes(self._triangles[face].reshape(-1, 3), np.arange(3 * len(face)).reshape(-1, 3))
         return plane_distances(planes, np.arange(len(face)), origins, directions, hit["t_hit"].numpy())
 
-    def fan(self, places: np.ndarray, bearings: np.ndarray, height_m: float) -> np.ndarray:
-        """Return ranges (n, k) m of level rays at bearings (n, k) rad from places (n, 2) m at one height."""
+    def fan(self, places: np.ndarray, bearings: np.ndarray, height_m: float | np.ndarray) -> np.ndarray:
+        """Return ranges (n, k) m of level rays at bearings (n, k) rad from places (n, 2) m at one height, or (n,)."""
         count = bearings.shape[1]
-        origins = np.column_stack([places, np.full(len(places), height_m)]).repeat(count, axis=0)
+        origins = np.column_stack([places, np.broadcast_to(height_m, len(places))]).repeat(count, axis=0)
         level = np.stack([np.cos(bearings), np.sin(bearings), np.zeros_like(bearings)], axis=-1).reshape(-1, 3)
         return self.cast(origins, level).reshape(-1, count)
 

@@ -226,8 +226,10 @@ def test_sweeps_are_not_replayed_in_a_light_world_which_is_named(light, tmp_path
         replay(light.bundle, tmp_path, tmp_path / "poses.csv", None, [])
 
 
-def test_level_worlds_alone_are_replayed_and_compared(tmp_path):
+def test_a_light_volume_is_neither_replayed_nor_compared(tmp_path):
     bundle = VolumeWorld(RAMP, tmp_path).bundle
-    for command in (lambda: replay(bundle, bundle, bundle, None, []), lambda: parity(bundle, 10, None)):
-        with pytest.raises(ArtifactError, match=r"a world of one volume .*, which this command does not read"):
-            command()
+    (tmp_path / "sweep_1.csv").touch()
+    with pytest.raises(InputError, match=r"no visible rock .* preset=light"):
+        replay(bundle, tmp_path, tmp_path / "poses.csv", None, [])
+    with pytest.raises(ArtifactError, match=r"a world of one volume .*, which this command does not read"):
+        parity(bundle, 10, None)

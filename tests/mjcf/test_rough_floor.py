@@ -193,6 +193,6 @@ def test_a_rough_floor_of_a_mine_that_is_one_volume_is_refused_in_one_line():
     survey = replace(survey_of(frame_for(TEE), (1.0, 1.0)), heights=Heights(grade=0.1))
     mine = MineSurvey(survey, np.zeros((1, 1, 3), np.uint8), DrawnPlan())
     with pytest.raises(
-        ParamsError, match=r"realism\.rough_floor = true: robots stand on the floors of a mine that is one vol"
+        ParamsError, match=r"realism\.rough_floor = true: the mine is one volume, whose robots stand on its fl"
     ):
         write_world(compose(["realism.rough_floor=true"]).realism, mine, **dict.fromkeys(STAGE.reads.keys() - {"mine"}))

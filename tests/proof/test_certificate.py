@@ -22,6 +22,7 @@ from pipeline.proof.certificate import certify, measure_containment
 from pipeline.proof.lidar.parity import compare_backends
 from pipeline.proof.lidar.replay import find_sweeps, replay_sweeps
 from pipeline.proof.lidar.replay_report import grade_along
+from pipeline.proof.lidar.swept import swept_level
 from pipeline.proof.stress_test import stress_walls
 from pipeline.scans.sweeps import read_poses
 from tests.mines import TEE, BuiltMine
@@ -183,13 +184,12 @@ def write_sweeps(folder, tee, opened, noise=0.01, shift=(0.0, 0.0)):
 
 def test_sweeps_cast_in_the_world_are_replayed_with_errors_equal_to_their_noise(tee, opened, config, tmp_path):
     write_sweeps(tmp_path / "s", tee, opened, shift=(3.0, -2.0))
-    free = tee.free_space.polygon
-    found = replay_sweeps(
-        opened, free, tmp_path / "s/poses.csv", find_sweeps(tmp_path / "s"), config.validation.replay
-    ).report
+    level = swept_level(opened, tee.free_space.polygon)
+    found = replay_sweeps(level, tmp_path / "s/poses.csv", find_sweeps(tmp_path / "s"), config.validation.replay).report
     assert found.shift_m == pytest.approx((-3.0, 2.0), abs=0.3)
     assert found.scale == pytest.approx(1.0, abs=0.01)
     assert found.grade_deg == pytest.approx(math.degrees(math.atan(0.05)), abs=1.5)
+    assert found.world_grade_deg == pytest.approx(-opened.record.tilt_deg)
     for name, sweep in found.sweeps.items():
         assert sweep.collision.median_m < 0.03, name
         assert sweep.collision.within_0_25_m > 0.95
@@ -199,7 +199,7 @@ def test_sweeps_cast_in_the_world_are_replayed_with_errors_equal_to_their_noise(
 
 
 def test_replay_refuses_a_folder_without_sweeps_and_a_sweep_without_pose(tee, opened, config, tmp_path):
-    free, params = tee.free_space.polygon, config.validation.replay
+    level, params = swept_level(opened, tee.free_space.polygon), config.validation.replay
     (tmp_path / "none").mkdir()
     with pytest.raises(InputError, match=r"no file is named sweep_NAME\.csv"):
         find_sweeps(tmp_path / "none")
@@ -207,14 +207,16 @@ def test_replay_refuses_a_folder_without_sweeps_and_a_sweep_without_pose(tee, op
     poses = tmp_path / "s/poses.csv"
     poses.write_text("\n".join(poses.read_text().splitlines()[:2]) + "\n")
     with pytest.raises(InputError, match="sweep 01A has no pose"):
-        replay_sweeps(opened, free, poses, find_sweeps(tmp_path / "s"), params)
+        replay_sweeps(level, poses, find_sweeps(tmp_path / "s"), params)
 
 
 def test_a_sweep_without_returns_in_range_is_refused(tee, opened, config, tmp_path):
     write_sweeps(tmp_path / "s", tee, opened)
     far = config.validation.replay.model_copy(update={"max_range_m": 0.5})
     with pytest.raises(InputError, match=r"sweep_00A\.csv: no return passes the gates"):
-        replay_sweeps(opened, tee.free_space.polygon, tmp_path / "s/poses.csv", find_sweeps(tmp_path / "s"), far)
+        replay_sweeps(
+            swept_level(opened, tee.free_space.polygon), tmp_path / "s/poses.csv", find_sweeps(tmp_path / "s"), far
+        )
 
 
 def test_pose_estimates_with_quaternions_are_read(tmp_path):

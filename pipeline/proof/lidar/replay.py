@@ -7,16 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import shapely
-from shapely import Polygon
 
-from minexplore.bundle import WALLS, GeomGroup
 from pipeline.errors import GeometryError, InputError
 from pipeline.geometry.raycast import RayCaster
-from pipeline.mjcf.bundle import OpenedBundle, geom_triangles
-from pipeline.mjcf.visible import visible_triangles
 from pipeline.params.validation import ReplayParams
 from pipeline.proof.lidar.replay_report import Replay, SweepReplay, range_errors, report_replay
+from pipeline.proof.lidar.swept import SweptWorld
 from pipeline.scans.registration import Pose, Registration, Search, register_scans
 from pipeline.scans.sweeps import (
     Returns,
@@ -43,16 +39,13 @@ def find_sweeps(folder: Path) -> dict[str, Path]:
     return found
 
 
-def replay_sweeps(
-    world: OpenedBundle, free: Polygon, poses: Path, sweeps: dict[str, Path], params: ReplayParams
-) -> Replay:
+def replay_sweeps(world: SweptWorld, poses: Path, sweeps: dict[str, Path], params: ReplayParams) -> Replay:
     """Register surveyed poses to a world by their sweeps and compare every return's range with the world's.
 
     Parameters
     ----------
-    world : OpenedBundle
-    free : shapely.Polygon, m, mine frame
-        Where a scanner can stand.
+    world : SweptWorld
+        Of either model.
     poses : Path
     sweeps : dict of Path
         By pose number.
@@ -65,7 +58,7 @@ def replay_sweeps(
         If the world has no visible rock, a file cannot be read, a sweep has no pose, or no placement puts the poses
         into the workings.
     """
-    if not world.record.has_visible_rock:
+    if world.visible is None:
         raise InputError(
             "the world has no visible rock to compare sweeps with: it was made with preset=light; make it without"
         )
@@ -73,9 +66,7 @@ def replay_sweeps(
     returns = {name: read_returns(path) for name, path in sweeps.items()}
     require_poses(surveyed, returns)
     gated = {name: _gate(sweeps[name], each, params) for name, each in returns.items()}
-    collision = RayCaster(geom_triangles(world.model, GeomGroup.COLLISION))
-    visible = RayCaster(visible_triangles(world.visible, WALLS))
-    registration = _register(poses, surveyed, gated, collision, free, params)
+    registration = _register(poses, surveyed, gated, world, params)
     reports, points, errors = {}, {}, {}
     for name, pose in registration.poses.items():
         reports[name], errors[name] = _compare(
@@ -84,8 +75,8 @@ def replay_sweeps(
             gated[name],
             pose,
             registration.corrections[name],
-            (collision, visible),
             world,
+            world.visible,
             params.sensor_height_m,
         )
         points[name] = _points(gated[name].registered, pose)
@@ -121,17 +112,16 @@ def _register(
     poses: Path,
     surveyed: dict[str, SurveyedPose],
     gated: dict[str, _GatedReturns],
-    collision: RayCaster,
-    free: Polygon,
+    world: SweptWorld,
     params: ReplayParams,
 ) -> Registration:
     """Place the surveyed poses in the mine by their returns and the collision walls."""
 
     def cast(places: np.ndarray, bearings: np.ndarray) -> np.ndarray:
-        return collision.fan(places, bearings, params.sensor_height_m)
+        return world.ranges(world.collision, places, bearings, params.sensor_height_m)
 
     def inside(places: np.ndarray) -> np.ndarray:
-        return shapely.contains_xy(free, places[:, 0], places[:, 1])
+        return np.isfinite(world.floor_m(places))
 
     search = Search(
         params.scale,
@@ -154,8 +144,8 @@ def _compare(
     gated: _GatedReturns,
     pose: Pose,
     correction: Pose,
-    walls: tuple[RayCaster, RayCaster],
-    world: OpenedBundle,
+    world: SweptWorld,
+    visible: RayCaster,
     sensor_height_m: float,
 ) -> tuple[SweepReplay, np.ndarray]:
     """Compare one placed sweep with the collision and the visible walls; return its report and collision errors, m.
@@ -167,15 +157,15 @@ def _compare(
     """
 
     def errors_against(caster: RayCaster, some: Returns) -> np.ndarray:
-        return caster.fan(np.array([pose[:2]]), (pose[2] + some.bearing)[None], sensor_height_m)[0] - some.range_m
+        place, bearings = np.array([pose[:2]]), (pose[2] + some.bearing)[None]
+        return world.ranges(caster, place, bearings, sensor_height_m)[0] - some.range_m
 
     within = _inside_frame(gated.counted, pose, world)
     counted = gated.counted.kept(within)
     removed = {**gated.removed, "beyond_the_frame": int((~within).sum())}
     if not len(counted.range_m):
         raise InputError(f"{sweep}: no return passes the gates ({removed})")
-    collision, visible = walls
-    errors = errors_against(collision, counted)
+    errors = errors_against(world.collision, counted)
     dx, dy, dturn = correction
     report = SweepReplay(
         returns=returns,
@@ -186,14 +176,14 @@ def _compare(
         correction_deg=round(math.degrees(dturn), 3),
         collision=range_errors(errors),
         visible=range_errors(errors_against(visible, counted)),
-        every_return_median_m=round(float(np.median(np.abs(errors_against(collision, gated.registered)))), 4),
+        every_return_median_m=round(float(np.median(np.abs(errors_against(world.collision, gated.registered)))), 4),
     )
     return report, errors
 
 
-def _inside_frame(returns: Returns, pose: Pose, world: OpenedBundle) -> np.ndarray:
+def _inside_frame(returns: Returns, pose: Pose, world: SweptWorld) -> np.ndarray:
     """Return which returns (n,) lie within the plan's frame."""
-    west, south, east, north = world.record.plan_frame.extent_m
+    west, south, east, north = world.frame.extent_m
     x, y = _points(returns, pose).T
     return (x >= west) & (x <= east) & (y >= south) & (y <= north)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.mjcf.bundle import OpenedBundle
 from pipeline.params.validation import ReplayParams
+from pipeline.proof.lidar.swept import SweptWorld
 from pipeline.scans.registration import Pose, Registration
 from pipeline.scans.sweeps import SurveyedPose
 
@@ -90,11 +90,11 @@ def report_replay(
     found: Registration,
     sweeps: dict[str, SweepReplay],
     surveyed: dict[str, SurveyedPose],
-    world: OpenedBundle,
+    world: SweptWorld,
     params: ReplayParams,
 ) -> ReplayReport:
     """Return the report of a registration, the errors of its sweeps, and the poses' heights."""
-    similarity, px_per_m = found.similarity, world.record.plan_frame.px_per_m
+    similarity, px_per_m = found.similarity, world.frame.px_per_m
     return ReplayReport(
         sweeps=sweeps,
         scale=round(similarity.scale, 5),
@@ -106,13 +106,30 @@ def report_replay(
         largest_correction_m=max(round(math.hypot(*s.correction_m), 3) for s in sweeps.values()),
         correction_bound_m=params.correction_m,
         grade_deg=grade_of_poses(surveyed),
-        world_grade_deg=-world.record.tilt_deg,  # a positive tilt lowers the east
+        world_grade_deg=_grade_of_world(found, surveyed, world),
     )
+
+
+def _grade_of_world(found: Registration, surveyed: dict[str, SurveyedPose], world: SweptWorld) -> float | None:
+    """Return the grade, deg, of the world's floors where the surveyed poses are placed; None where they state none.
+
+    The poses' own is of the same places, so the two compare.
+    """
+    places = np.array([found.similarity.place(p.planar)[:2] for p in surveyed.values()])
+    heights = world.floor_m(places)
+    known = np.column_stack([places, heights])[np.isfinite(heights)]
+    grade = _grade_of(known)
+    return None if grade is None else round(grade - world.tilt_deg, 3)  # a positive tilt lowers the east
 
 
 def grade_of_poses(poses: dict[str, SurveyedPose]) -> float | None:
     """Return the grade, deg, along the poses' own main direction; None where fewer than three have a height."""
     known = np.array([[p.x, p.y, p.z] for p in poses.values() if p.z is not None])
+    return _grade_of(known)
+
+
+def _grade_of(known: np.ndarray) -> float | None:
+    """Return the grade, deg, along points (n, 3) m; None where they are too few, or at one place."""
     return grade_along(known) if len(known) >= _LEAST_HEIGHTS and np.ptp(known[:, :2], axis=0).max() > 1 else None
 
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 from matplotlib.axes import Axes
-from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
 
 from pipeline.geometry.polyline import rings_of
 from pipeline.proof.lidar.replay_report import Replay
@@ -18,25 +18,25 @@ _REACH_M = 26.0
 _WIDEST_M = 3.0
 
 
-def draw_replay(replay: Replay, free: Polygon) -> Image:
-    """Draw the returns of each sweep over the collision walls, and the range errors of all sweeps."""
+def draw_replay(replay: Replay, plan: BaseGeometry) -> Image:
+    """Draw the returns of each sweep over the outlines of floors, m, mine frame, and the range errors of all sweeps."""
     names = sorted(replay.points)
     columns = 3 if len(names) > 1 else 2
     rows = max(1, math.ceil((len(names) + 1) / columns))
     figure = new_figure(4.0 * columns, 3.4 * rows)
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for k, name in enumerate(names):
-        _draw_sweep(panels[k], replay, name, free, _COLOURS[k % len(_COLOURS)])
+        _draw_sweep(panels[k], replay, name, plan, _COLOURS[k % len(_COLOURS)])
     _draw_errors(panels[len(names)], replay, names)
     for panel in panels[len(names) + 1 :]:
         panel.set_axis_off()
     return to_image(figure)
 
 
-def _draw_sweep(panel: Axes, replay: Replay, name: str, free: Polygon, colour: str) -> None:
+def _draw_sweep(panel: Axes, replay: Replay, name: str, plan: BaseGeometry, colour: str) -> None:
     sweep = replay.report.sweeps[name]
     x, y, _ = sweep.pose_m
-    for ring in rings_of(free):
+    for ring in rings_of(plan):
         panel.plot(*np.asarray(ring.coords)[:, :2].T, color="black", linewidth=0.8)
     panel.plot(*replay.points[name].T, ".", color=colour, markersize=1.5)
     panel.plot(x, y, "+", color="black", markersize=8)
