@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,7 @@ def swept_volume(folder: Path, world: VolumeBundle) -> SweptWorld:
         RayCaster(parts),
         RayCaster(np.concatenate([_rock(world), floors])) if world.rock else None,
         shapely.union_all(shapely.polygons(floors[:, :, :2])),
-        _Floors(floors, world.record.volume.high_m + _ABOVE_M).height_m,
+        _heights_of(floors, world.record.volume.high_m + _ABOVE_M),
         world.record.plan_frame,
         world.record.tilt_deg,
     )
@@ -52,14 +53,13 @@ def _rock(world: VolumeBundle) -> np.ndarray:
     return found
 
 
-class _Floors:
-    """Heights of floors, by rays that fall from a height."""
+def _heights_of(floors: np.ndarray, from_m: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return what gives heights of floors, triangles (n, 3, 3) m, by rays that fall from a height."""
+    rays = RayCaster(floors)
 
-    def __init__(self, floors: np.ndarray, from_m: float) -> None:
-        self._rays, self._from_m = RayCaster(floors), from_m
+    def floor_m(places: np.ndarray) -> np.ndarray:
+        origins = np.column_stack([places, np.full(len(places), from_m)])
+        fallen_m = rays.cast(origins, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
+        return np.where(np.isfinite(fallen_m), from_m - fallen_m, np.inf)
 
-    def height_m(self, places: np.ndarray) -> np.ndarray:
-        """Return the height (n,) m of the highest floor under places (n, 2) m; inf where there is none."""
-        origins = np.column_stack([places, np.full(len(places), self._from_m)])
-        fallen_m = self._rays.cast(origins, np.tile([0.0, 0.0, -1.0], (len(places), 1)))
-        return np.where(np.isfinite(fallen_m), self._from_m - fallen_m, np.inf)
+    return floor_m
