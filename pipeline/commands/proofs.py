@@ -38,9 +38,13 @@ def replay(bundle: Path, sweeps: Path, poses: Path, out: Path | None, overrides:
         write_atomically(out / "replay.png", encode(Path("replay.png"), draw_replay(result, world.plan)))
 
 
+def _is_of_volume(bundle: Path) -> bool:
+    return (bundle / VOLUME).is_file()
+
+
 def _open_swept(bundle: Path) -> SweptWorld:
     """Return what sweeps are replayed in, of a world by either model."""
-    if (bundle / VOLUME).is_file():
+    if _is_of_volume(bundle):
         from pipeline.volume.world.proof.certificate import open_volume
         from pipeline.volume.world.proof.swept import swept_volume
 
@@ -83,7 +87,7 @@ def certify(bundle: Path, contacts: int, out: Path | None, overrides: list[str])
     from pipeline.store.codecs import encode
     from pipeline.store.files import write_report
 
-    of_kind = _of_volume if (bundle / VOLUME).is_file() else _of_plan
+    of_kind = _of_volume if _is_of_volume(bundle) else _of_plan
     certificate = within_limits(lambda: of_kind(bundle, contacts, overrides), str(bundle), *_CERTIFY_WITHIN)
     text = encode(Path("certificate.json"), certificate)
     print(text.decode(), end="")
