@@ -10,7 +10,9 @@ import trimesh
 from minexplore.bundle import (
     COVER_M,
     MODEL,
+    PREVIEW,
     SHADE_MESH,
+    BundleError,
     decode_msh,
     encode_msh,
     is_cover,
@@ -27,8 +29,11 @@ from pipeline.errors import ArtifactError
 from pipeline.export.extract_volume import read_volume_scene
 from pipeline.geometry.raycast import RayCaster
 from pipeline.mjcf.scene import ZoneStrip
+from pipeline.store.codecs import decode
+from pipeline.types import Image
 from pipeline.volume.world.floor.cover import lay_floor
 from pipeline.volume.world.floor.pixels import PixelIndex, pixels_on
+from pipeline.volume.world.model import eye_over
 from pipeline.volume.world.proof.alone import survey_alone
 from pipeline.volume.world.proof.certificate import open_volume
 from pipeline.volume.world.proof.derived_content import require_remade
@@ -205,6 +210,25 @@ def test_a_sealed_world_with_a_visible_floor_is_allowed_and_beams_pass_it(slope)
     shown = [model.geom(k).name for k in range(model.ngeom)]
     assert sum(name.startswith("shade_") for name in shown) == len(SHADE_LEVELS)
     assert puddle_geom("water") in shown
+
+
+def test_the_preview_shows_rock_all_about_the_entrance_below_the_mine_from_above(slope):
+    picture = decode(slope / PREVIEW, Image)
+    rows = picture.shape[1] * 7 // 16
+    above, entrance = picture[:-rows], picture[-rows:]
+    assert picture.shape[1] == WITH_ROCK.realism.preview_width_px
+    assert 0.01 < (above != above[0, 0]).any(axis=2).mean() < 0.9
+    assert (entrance.max(axis=2) > 2).mean() > 0.98
+    with pytest.raises(BundleError, match=r"preview\.png: missing"):
+        require_allowed(slope, resealed(read_folder(slope), **{PREVIEW: None}))
+
+
+def test_the_camera_at_the_entrance_is_below_the_roof_of_a_crawl(slope):
+    cells = open_volume(slope).cells
+    anchor = cells.places_m[0]
+    for headroom_m, wanted_m in ((3.2, 1.2), (2.4, 1.2), (0.8, 0.4)):
+        low = dataclasses.replace(cells, headroom_m=np.full(len(cells.headroom_m), headroom_m))
+        assert eye_over(low, anchor) == pytest.approx(wanted_m)
 
 
 def test_an_export_has_muck_and_water_and_no_shade(slope):
