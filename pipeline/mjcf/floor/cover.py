@@ -159,7 +159,7 @@ def _flooded(
     return height
 
 
-def split_mesh(
+def _split(
     vertices: np.ndarray, faces: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Split faces where `side` (n,) of their corners changes its sign.
@@ -182,17 +182,28 @@ def split_mesh(
     return np.concatenate([vertices, points]), np.concatenate([whole, pieces]), east, origin
 
 
-def _cut(vertices: np.ndarray, faces: np.ndarray, zones: list[ZoneStrip]) -> dict[str, Mesh]:
-    """Cut the floor into one mesh for each zone and tile; pieces of less than four vertices are dropped.
+def cut_by_zones(
+    vertices: np.ndarray, faces: np.ndarray, zones: list[ZoneStrip], wander_m: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertices (n, 3) m and faces (f, 3) cut where zones meet, and each face's zone by number.
 
-    Zones meet on a line that wanders to both sides of their border.
+    Zones meet on lines that wander by so many m times three sines.
     """
     zone = np.zeros(len(faces), int)
     for border in (zone.east_m for zone in zones[:-1]):
         place = vertices[:, :2]
         wander = np.sin(2 * np.pi * np.outer(place[:, 1], 1 / _BORDER_WAVES_M)).sum(axis=1)
-        vertices, faces, east, origin = split_mesh(vertices, faces, place[:, 0] - border - _BORDER_M * wander)
+        vertices, faces, east, origin = _split(vertices, faces, place[:, 0] - border - wander_m * wander)
         zone = zone[origin] + east
+    return vertices, faces, zone
+
+
+def _cut(vertices: np.ndarray, faces: np.ndarray, zones: list[ZoneStrip]) -> dict[str, Mesh]:
+    """Cut the floor into one mesh for each zone and tile; pieces of less than four vertices are dropped.
+
+    Zones meet on a line that wanders to both sides of their border.
+    """
+    vertices, faces, zone = cut_by_zones(vertices, faces, zones, _BORDER_M)
     centre = vertices[faces].mean(axis=1)
     tile = np.floor((centre[:, :2] - vertices[:, :2].min(axis=0)) / _TILE_M).astype(int)
     keys, index = np.unique(np.column_stack([zone, tile]), axis=0, return_inverse=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from minexplore.bundle import SHADE_MESH, puddle_geom
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
-from pipeline.mjcf.floor.cover import cover_floor, split_mesh
+from pipeline.mjcf.floor.cover import cover_floor, cut_by_zones
 from pipeline.mjcf.scene import ZoneStrip
 from pipeline.params.fittings import FloorParams
 from pipeline.types import Mesh
@@ -38,11 +38,7 @@ def _bare_floors(params: FloorParams, volume: VolumeFacets, zones: list[ZoneStri
     floors = volume.label == FacetLabel.FLOOR
     faces, slope = volume.faces[floors][:, ::-1], np.abs(slopes_of(volume)[floors]).max(axis=1)
     found = {SHADE_MESH: _mesh(volume.vertices, faces)}
-    vertices, wet = volume.vertices, faces[slope <= LEVEL]
-    zone = np.zeros(len(wet), int)
-    for border in (zone.east_m for zone in zones[:-1]):
-        vertices, wet, east, origin = split_mesh(vertices, wet, vertices[:, 0] - border)
-        zone = zone[origin] + east
+    vertices, wet, zone = cut_by_zones(volume.vertices, faces[slope <= LEVEL], zones, 0.0)
     for number, one in enumerate(zones):
         if one.name in params.puddles:
             found[puddle_geom(one.name)] = _mesh(vertices, wet[zone == number])
