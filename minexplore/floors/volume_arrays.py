@@ -138,17 +138,24 @@ class FloorSpans:
         Infinite where no floor is below.
         """
         at = np.floor((points_m[:, :2] - self.origin_m) / self.cell_m).astype(np.int64) + 1
-        columns = int(max(self.column.max(initial=0), at[:, 0].max(initial=0))) + 3
-        of_span = (self.row.astype(np.int64) + 1) * columns + self.column + 1
-        floors = np.lexsort((self.floor_m, of_span))
+        cell, floor_m, columns = self._by_cell
         found = np.full(len(points_m), np.inf)
         for aside in (-1, 0, 1):
             for ahead in (-1, 0, 1):
-                of_point = (at[:, 1] + ahead) * columns + at[:, 0] + aside
-                under = _last_under(of_span[floors], self.floor_m[floors], of_point, points_m[:, 2])
-                height = np.where(under < 0, np.inf, points_m[:, 2] - self.floor_m[floors[under]])
+                column, row = at[:, 0] + aside, at[:, 1] + ahead
+                of_point = np.where((column >= 0) & (column < columns), row * columns + column, -1)
+                under = _last_under(cell, floor_m, of_point, points_m[:, 2])
+                height = np.where(under < 0, np.inf, points_m[:, 2] - floor_m[under])
                 found = np.minimum(found, height)
         return found
+
+    @functools.cached_property
+    def _by_cell(self) -> tuple[np.ndarray, np.ndarray, int]:
+        """Return the cells (s,) of floors, their heights (s,) m, by cell and height, and the number of columns."""
+        columns = int(self.column.max(initial=0)) + 3
+        cell = (self.row.astype(np.int64) + 1) * columns + self.column + 1
+        order = np.lexsort((self.floor_m, cell))
+        return cell[order], self.floor_m[order], columns
 
     @functools.cached_property
     def plan(self) -> np.ndarray:
