@@ -145,7 +145,7 @@ def _on_borders(inner: _FloorPoints, borders: _Borders, spacing_m: float) -> _Fl
     col, row, height, source = (values[order] for values in (col, row, height, source))
     apart = (np.diff(col) != 0) | (np.diff(row) != 0) | (np.diff(height) > step_m)
     kept = np.append(True, apart)
-    pixels, height, source = np.column_stack([col, row])[kept].astype(int), height[kept], source[kept].astype(int)
+    pixels, height, source = np.column_stack([col, row])[kept].astype(np.int32), height[kept], source[kept].astype(int)
     middle = inner.points_m[source]
     places = np.column_stack([middle[:, :2] + (pixels - inner.pixels[source]) * [1, -1] * spacing_m, height])
     moved, away_m = _to_borders(places, borders)
@@ -175,7 +175,7 @@ def _faces_between(grid: _FloorPoints, inner: int, spacing_m: float) -> np.ndarr
         found = index.find(grid.pixels[some] + aside, height, step_m)
         return np.where(some < 0, -1, found)
 
-    own = np.arange(len(grid.pixels))
+    own = np.arange(len(grid.pixels), dtype=np.int32)
     east, south = beside(own, (1, 0)), beside(own, (0, 1))
     corner = beside(east, (0, 1))
     whole = (east >= 0) & (south >= 0) & (corner >= 0)
@@ -192,15 +192,15 @@ def _faces_between(grid: _FloorPoints, inner: int, spacing_m: float) -> np.ndarr
     (x, y), (u, v) = (b - a).T, (c - a).T
     kept = np.ones(len(faces), bool)
     kept[moved] = x * v - y * u > 2 * _LEAST_M2
-    return faces[kept].astype(np.int32)
+    return faces if kept.all() else faces[kept]
 
 
 def _rim(faces: np.ndarray, count: int) -> np.ndarray:
     """Return the edges (r, 2) that one face alone has: between points that have not six faces."""
     at_rim = np.bincount(faces.ravel(), minlength=count) != _AROUND_POINT
-    start, end = faces.T.ravel().astype(np.int64), np.roll(faces, -1, axis=1).T.ravel().astype(np.int64)
+    start, end = faces.T.ravel(), np.roll(faces, -1, axis=1).T.ravel()
     both = at_rim[start] & at_rim[end]
-    start, end = start[both], end[both]
+    start, end = start[both].astype(np.int64), end[both].astype(np.int64)
     lone = ~np.isin(start * count + end, end * count + start)
     return np.column_stack([start[lone], end[lone]]).astype(np.int32)
 

@@ -6,6 +6,10 @@ import numpy as np
 
 from minexplore.floors.volume_arrays import each_of
 
+_TOGETHER = (
+    1 << 17
+)  # pixels that are found at once: 20 arrays as long as those of a mine would be held beside each other
+
 
 def pixels_on(corners_m: np.ndarray, start_m: np.ndarray, spacing_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the points of a grid that lie over or under facets in plan.
@@ -24,7 +28,7 @@ def pixels_on(corners_m: np.ndarray, start_m: np.ndarray, spacing_m: float) -> t
     -------
     facet : (n,) int
         The facet of each point.
-    pixels : (n, 2) int
+    pixels : (n, 2) int32
         Column and row.
     """
     ends = np.stack([corners_m, np.roll(corners_m, -1, axis=1)], axis=2).reshape(-1, 2, 2)
@@ -38,7 +42,8 @@ def pixels_on(corners_m: np.ndarray, start_m: np.ndarray, spacing_m: float) -> t
     order = np.lexsort((east, row, edge // 3))  # each facet has two crossings in each row that it reaches
     first, end = (np.ceil((east[order][k::2] - start_m[0]) / spacing_m).astype(np.int64) for k in (0, 1))
     span, aside = each_of(end - first)
-    return (edge // 3)[order][::2][span], np.column_stack([first[span] + aside, row[order][::2][span]])
+    pixels = np.column_stack([(first[span] + aside).astype(np.int32), row[order][::2][span].astype(np.int32)])
+    return (edge // 3)[order][::2][span], pixels
 
 
 class PixelIndex:
@@ -49,12 +54,19 @@ class PixelIndex:
         self._low_m, self._columns = float(height_m.min()), int(pixels[:, 0].max()) + 3
         self._span_m = 3 * (float(height_m.max()) - self._low_m) + 1e3
         value = self._value(pixels, height_m)
-        self._order = np.argsort(value, kind="stable")
+        self._order = np.argsort(value, kind="stable").astype(np.int32)
         self._value_of, self._height_m = value[self._order], height_m[self._order]
         self._pixel_of = self._pixel(pixels)[self._order]
 
     def find(self, pixels: np.ndarray, height_m: np.ndarray, within_m: float) -> np.ndarray:
-        """Return the point (m,) of each pixel that is nearest in height, -1 where none is near enough."""
+        """Return the point (m,) int32 of each pixel that is nearest in height, -1 where none is near enough."""
+        found = np.empty(len(pixels), np.int32)
+        for start in range(0, len(pixels), _TOGETHER):
+            some = slice(start, start + _TOGETHER)
+            found[some] = self._find(pixels[some], height_m[some], within_m)
+        return found
+
+    def _find(self, pixels: np.ndarray, height_m: np.ndarray, within_m: float) -> np.ndarray:
         at, pixel = np.searchsorted(self._value_of, self._value(pixels, height_m)), self._pixel(pixels)
         sides = [np.clip(at + aside, 0, len(self._order) - 1) for aside in (-1, 0)]
         apart = [
