@@ -33,7 +33,7 @@ from pipeline.volume.thin_rock import NARROW_M, without_thin_rock
 from pipeline.volume.union import Volume
 from pipeline.volume.world.built_length import built_length_m
 from pipeline.volume.world.cells import cells_of
-from pipeline.volume.world.content import closed_volume, in_mine_frame
+from pipeline.volume.world.content import closed_volume, in_mine_frame, with_settled_labels
 from pipeline.volume.world.maps import octree_of, storey_maps
 from pipeline.volume.world.parts import labelled_parts, without_refused
 from pipeline.volume.world.reach import RobotSize
@@ -91,11 +91,10 @@ def _files_of(
     params: Compile3dParams, made: _VolumeDraft, start_m: list[float] | None, done: Callable[[], Any]
 ) -> Bundle:
     """Return the files of a volume; calls `done` after each of two steps."""
-    volume, cells, surveyed = made.volume, made.cells, made.surveyed
+    volume, cells, surveyed, legs = made.volume, made.cells, made.surveyed, made.legs
     robot = robot_size(params.volume)
     parts, refused = without_refused(merge_parts(made.solved, build_shell(made.solved)))
     done()
-    legs = leg_network(made.network, made.offset_m, surveyed)
     start = start_of(cells, legs, start_m, params.spawn, robot, surveyed.datum_m)
     built = _built(surveyed, legs, built_length_m(closed_volume(volume), legs), refused, made.is_drawn)
     if not made.is_solid:
@@ -122,7 +121,7 @@ class _VolumeDraft:
     offset_m: np.ndarray
     cells: FloorSpans
     surveyed: SurveyedLegs
-    network: SurveyNetwork
+    legs: LegNetwork
     is_solid: bool
     is_drawn: bool = False
 
@@ -134,9 +133,11 @@ def _of_legs(params: Compile3dParams, surveyed: SurveyedLegs) -> _VolumeDraft:
     _warn_of_lowered(network)
     require_flat_leg(network)
     solved = solve_floors(network)
-    volume = in_mine_frame(solved, offset)
+    legs = leg_network(network, offset, surveyed)
+    volume = with_settled_labels(in_mine_frame(solved, offset), legs)
+    solved = replace(solved, label=volume.label.astype(solved.label.dtype))
     cells = cells_of(volume, params.grid_cell_m, robot_size(params.volume))
-    return _VolumeDraft(solved, volume, offset, cells, surveyed, network, False)
+    return _VolumeDraft(solved, volume, offset, cells, surveyed, legs, False)
 
 
 def _warn_of_lowered(network: SurveyNetwork) -> None:
@@ -174,7 +175,8 @@ def _of_solid(params: Compile3dParams, solid: ClosedMesh, floating_m3: float) ->
     network = replace(network, places_m=network.places_m + offset)
     volume = mine_volume(solved, nearest_leg(solved, network))
     surveyed = replace(surveyed, surveyed_m=float(network.lengths_m.sum()))
-    return _VolumeDraft(solved, volume, np.zeros(3), cells, surveyed, network, True)
+    legs = leg_network(network, np.zeros(3), surveyed)
+    return _VolumeDraft(solved, volume, np.zeros(3), cells, surveyed, legs, True)
 
 
 def _built(surveyed: SurveyedLegs, legs: LegNetwork, built_m: float, refused: int, is_drawn: bool) -> BuiltVolume:

@@ -11,7 +11,7 @@ import trimesh
 from minexplore.bundle import OCTREE
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import ArtifactError
-from pipeline.volume.world.content import closed_volume
+from pipeline.volume.world.content import closed_volume, labels_by_place, with_settled_labels
 from pipeline.volume.world.parts import collect_labelled
 from pipeline.volume.world.proof.again.labelled import _beyond_legs_m, require_labelled
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
@@ -168,6 +168,36 @@ def test_a_floor_facet_is_no_wall_whichever_leg_it_is_given_to(tee, opened):
         changed = dataclasses.replace(opened, mine=dataclasses.replace(mine, label=label, leg=owner))
         with pytest.raises(ArtifactError, match=rf"label\[{floor}\] = {FacetLabel.WALL:d}"):
             require_labelled(tee.bundle, changed, False, proof())
+
+
+@pytest.mark.parametrize(
+    ("size_m", "over_m", "up", "before", "after"),
+    [
+        (0.2, 0.05, -0.4, FacetLabel.WALL, FacetLabel.FLOOR),  # on the floor of a leg that passes over its own
+        (0.1, 0.05, -0.4, FacetLabel.WALL, FacetLabel.WALL),  # a sliver
+        (0.2, 0.05, -0.2, FacetLabel.WALL, FacetLabel.WALL),
+        (0.2, 0.5, -0.4, FacetLabel.WALL, FacetLabel.WALL),  # a ledge
+        (0.2, 0.05, -0.2, FacetLabel.FLOOR, FacetLabel.FLOOR),  # the side of a slab
+        (0.2, 0.05, 0.1, FacetLabel.FLOOR, FacetLabel.WALL),  # rock that hangs is no floor
+        (0.2, 2.0, 0.8, FacetLabel.WALL, FacetLabel.ROOF),
+        (0.2, 2.0, 0.8, FacetLabel.FLOOR, FacetLabel.ROOF),
+    ],
+)
+def test_labels_settle_by_slope_and_by_the_floors_of_all_legs(opened, size_m, over_m, up, before, after):
+    legs = opened.legs
+    there, own = legs.legs[-1], 0
+    floors = np.array([legs.stations_m[name] for name in (there.start, there.end)])
+    floors[:, 2] -= np.array(there.lrud_m)[:, 3]
+    corners = size_m * np.array([[0.0, 0, 0], [1, 0, 0], [0, -up, np.sqrt(1 - up * up)]])
+    corners += floors.mean(axis=0) + np.array([0, 0, over_m]) - corners.mean(axis=0)
+    facet = VolumeFacets(
+        corners, np.array([[0, 2, 1]], np.int32), np.array([before], np.int32), np.array([own], np.int32)
+    )
+    assert facet.normals[0, 2] / np.linalg.norm(facet.normals[0]) == pytest.approx(up)
+    settled = with_settled_labels(facet, legs)
+    label, is_sliver = labels_by_place(settled, legs)
+    assert settled.label.tolist() == [after]
+    assert is_sliver.all() or label.tolist() == [after]  # what has settled stays
 
 
 def test_a_floor_part_in_two_zones_and_a_part_with_twin_corners_are_named(tee, opened):

@@ -11,7 +11,7 @@ from minexplore.bundle import PARTS, VOLUME
 from minexplore.floors.volume_arrays import FacetLabel, VolumeFacets
 from pipeline.errors import ArtifactError
 from pipeline.params.validation import VolumeProofParams
-from pipeline.volume.union import STEEPEST
+from pipeline.volume.world.content import labels_by_place
 from pipeline.volume.world.parts import TWINS_M, twin_corners
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.solid import labels_of
@@ -19,13 +19,7 @@ from pipeline.volume.world.solid import labels_of
 _ON_BORDER_M = 1e-3  # of zones: parts are cut to 0.1 mm
 _BESIDE_M = 2.0  # that a facet is beyond its leg's sections: floors that legs share reach as far
 _ASTRAY = 0.01  # share of the surface likewise: facets of several legs that lie in one plane become one of them
-_SLIVERS = 2e-4  # share of the surface in slivers that may have any label: in a cave of 7.5 km 0.6e-4
-_THIN_M = 0.1  # of a sliver beside a floor: its height over its longest side; in that cave 0.05 at most
-_THIN_ROOF_M = 0.02  # between wall and roof; in that cave 0.008
-_ROOF_NZ, _NEAR_NZ = 0.7, 0.05  # upward part of a roof's normal; facets so near to it move when the mesh is simplified
-_FLOOR_NZ = -0.3  # of a facet of a leg to drive on that must be floor; slabs have floors that are steeper
-_LEDGE_M = 0.1  # over a leg's floor, where walls may face up: what was seen from stations begins 0.15 m over it
-_BEYOND_M = 0.25  # beside a leg's floor and its ends, likewise; what was seen begins 0.3 m beside it, on no other floor
+_SLIVERS = 2e-4  # share of the surface in slivers that have another label: in a cave of 35 km 0.9e-5
 _BORDER = 1e-6  # of a slope: on the border of two labels rounding decides
 _EQUALLY_M = 1e-3  # by which a leg's middle may be farther from a facet than the nearest one
 
@@ -33,9 +27,8 @@ _EQUALLY_M = 1e-3  # by which a leg's middle may be farther from a facet than th
 def require_labelled(folder: Path, world: VolumeBundle, is_solid: bool, params: VolumeProofParams) -> None:
     """Compare labels and legs of facets with what the builder gives them, and the parts' zones with their places.
 
-    Of a solid, whose legs follow its floors, both follow from slope and place. Of surveyed legs a floor is on a leg to
-    drive on and faces down, what faces up on no floor is roof and the rest is wall, also ledges over and beside floors,
-    but for slivers; nearly all facets must be about their legs.
+    Of a solid, whose legs follow its floors, both follow from slope and place. Of surveyed legs labels must be those
+    of `labels_by_place` but for slivers, and nearly all facets must be about their legs.
 
     Raises
     ------
@@ -44,14 +37,14 @@ def require_labelled(folder: Path, world: VolumeBundle, is_solid: bool, params: 
     """
     mine = world.mine
     size = np.linalg.norm(mine.normals, axis=1)
-    if not is_solid:
-        wrong, thin = _of_legs(world, size)
-        astray = _beyond_legs_m(world) > _BESIDE_M
-        found = (("label", wrong, thin, _SLIVERS), ("leg", astray, astray, _ASTRAY))
-    else:
-        none = np.zeros(len(size), bool)
+    none = np.zeros(len(size), bool)
+    if is_solid:
         of_slope = _off_slope(mine, size, params.volume.steepest)
         found = (("label", of_slope, none, 0.0), ("leg", _off_leg(world), none, 0.0))
+    else:
+        label, is_sliver = labels_by_place(mine, world.legs)
+        astray = _beyond_legs_m(world) > _BESIDE_M
+        found = (("label", mine.label != label, is_sliver, _SLIVERS), ("leg", astray, astray, _ASTRAY))
     for name, wrong, excused, most in found:  # what is excused may be wrong up to a share of the surface
         some = wrong & ~excused
         if not some.any():
@@ -63,59 +56,6 @@ def require_labelled(folder: Path, world: VolumeBundle, is_solid: bool, params: 
                 f"{int(some.sum())} of {len(some)} are wrong"
             )
     _require_parts(folder, world)
-
-
-def _of_legs(world: VolumeBundle, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return which facets (f,) have not the label that facets of surveyed legs have, and which of those are slivers."""
-    mine = world.mine
-    up = mine.normals[:, 2] / np.maximum(size, 1e-30)
-    corners = mine.vertices[mine.faces]
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    height_m = size / np.maximum(longest, 1e-30)
-    flat = np.array([leg.grade <= STEEPEST for leg in world.legs.legs])[mine.leg]
-    floor, roof = mine.label == FacetLabel.FLOOR, mine.label == FacetLabel.ROOF
-    facing = ~floor & flat & (up < _FLOOR_NZ)
-    of_floor = (floor & ((up >= 0) | ~flat)) | (facing & ~_off_floor(world, facing))
-    of_roof = ~floor & ((up > _ROOF_NZ) != roof)
-    thin = np.where(of_floor, height_m < _THIN_M, (height_m < _THIN_ROOF_M) | (np.abs(up - _ROOF_NZ) < _NEAR_NZ))
-    return of_floor | of_roof, thin
-
-
-def _off_floor(world: VolumeBundle, some: np.ndarray) -> np.ndarray:
-    """Return which of some facets (f,) are well over the floor of their leg, or beyond it and on that of no other.
-
-    Splays widen walls there.
-    """
-    mine, legs = world.mine, world.legs.legs
-    ends = np.array([[world.legs.stations_m[name] for name in (leg.start, leg.end)] for leg in legs])
-    lrud = np.array([leg.lrud_m for leg in legs])
-    numbers = np.flatnonzero(some)
-    places, own = mine.vertices[mine.faces[numbers]].mean(axis=1), mine.leg[numbers]
-    over, beyond = _from_floor_m(ends[own], lrud[own], places)
-    off = (over > _LEDGE_M) | (beyond > _BEYOND_M)
-    for k in np.flatnonzero([leg.grade <= STEEPEST for leg in legs]).tolist() if off.any() else ():
-        over, beyond = _from_floor_m(ends[k], lrud[k], places)
-        off &= (np.abs(over) > _LEDGE_M) | (beyond > 0)
-    found = np.zeros(len(some), bool)
-    found[numbers] = off
-    return found
-
-
-def _from_floor_m(ends: np.ndarray, lrud: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how far (n,) m places (n, 3) m are over floors of legs, and beyond their walls and ends in plan.
-
-    Legs have ends (n, 2, 3) m and distances to walls, roof and floor (n, 2, 4) m, or one leg (2, 3) and (2, 4).
-    """
-    start, end = np.moveaxis(ends - lrud[..., 3:] * [0, 0, 1.0], -2, 0)
-    way, apart = end - start, places - start
-    run = np.maximum(np.linalg.norm(way[..., :2], axis=-1), _EQUALLY_M)
-    along = (apart * way)[..., :2].sum(axis=-1) / run
-    left = (way[..., 0] * apart[..., 1] - way[..., 1] * apart[..., 0]) / run
-    share = np.clip(along / run, 0, 1)
-    first, last = np.moveaxis(lrud[..., :2], -2, 0)
-    walls = first + share[..., None] * (last - first)
-    aside = np.abs(left) - np.where(left < 0, walls[..., 1], walls[..., 0])
-    return apart[..., 2] - share * way[..., 2], np.maximum(aside, np.abs(along - run / 2) - run / 2)
 
 
 def _off_slope(mine: VolumeFacets, size: np.ndarray, steepest: float) -> np.ndarray:
