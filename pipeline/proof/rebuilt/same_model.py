@@ -18,6 +18,7 @@ from minexplore.bundle import (
     HFIELDS,
     MESHES,
     MODEL,
+    RECORD,
     ROCK_TEXTURE,
     ROOF_GEOM,
     SMOOTH_MESHES,
@@ -37,7 +38,7 @@ from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.loading import read_spec, text_of
-from pipeline.mjcf.scene import MineScene, SpotLight, level_lines, tilt_about_centre
+from pipeline.mjcf.scene import ALONG, MineScene, SpotLight, level_lines, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.prisms import require_prisms
