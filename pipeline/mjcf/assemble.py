@@ -27,7 +27,7 @@ from pipeline.mjcf.floor.cover import cover_floor
 from pipeline.mjcf.floor.grid import level_grid
 from pipeline.mjcf.furniture import hang_furniture, on_level, ways_of
 from pipeline.mjcf.render import render_preview
-from pipeline.mjcf.scene import MineScene, place_lights, tile_zones, tilt_about_centre
+from pipeline.mjcf.scene import MineScene, level_lines, place_lights, tile_zones, tilt_about_centre
 from pipeline.mjcf.visible import compile_visible, compile_with, in_sight
 from pipeline.params.realism import RealismParams
 from pipeline.places import COLLISION, EXTENT, SMOOTH, SPAWN, TEXTURE
@@ -131,8 +131,7 @@ def _fittings(
 
 def _lights(params: RealismParams, topology: DriftNetwork) -> list:
     lights = params.lights
-    legs = [np.array(leg.stations_m) for leg in topology.legs]
-    lines = [np.array(topology.main_drift_m)] if lights.along == "main_drift" else legs
+    lines = level_lines(topology, lights.along)
     return place_lights(lines, lights.spacing_m, lights.height_m, lights.pitch_deg, lights.cutoff_deg, lights.count)
 
 

@@ -13,7 +13,10 @@ from minexplore.looks import PLAIN
 from pipeline.geometry.polyline import arc_length
 from pipeline.params.realism import ZoneParams
 from pipeline.store.codecs import Bundle
-from pipeline.types import ConvexParts, Mesh, SolidExtent
+from pipeline.types import ConvexParts, DriftNetwork, Mesh, SolidExtent
+
+ALONG = ("main_drift", "network")  # what lights may stand along
+_OPEN_M = 1e9  # over the floor of a level mine, whose roof limits no light
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,12 @@ def box_of(zones: Sequence[ZoneStrip]) -> tuple[float, float, float, float]:
     )
 
 
+def level_lines(network: DriftNetwork, along: str) -> list[np.ndarray]:
+    """Return what `place_lights` takes for a level mine: the main drift alone, or each drift of the network."""
+    lines = [network.main_drift_m] if along == "main_drift" else [leg.stations_m for leg in network.legs]
+    return [np.column_stack([line, np.zeros(len(line)), np.full(len(line), _OPEN_M)]) for line in lines]
+
+
 def place_lights(
     lines_m: list[np.ndarray], spacing_m: float, height_m: float, pitch_deg: float, cutoff_deg: float, count: int | None
 ) -> list[SpotLight]:
@@ -117,11 +126,12 @@ def place_lights(
 
     Parameters
     ----------
-    lines_m : list of (n, 2), m, mine frame
+    lines_m : list of (n, 4), m, mine frame
+        The floor's x, y and z, and how high above it a light may hang there.
     spacing_m : float
-        Distance along the line. The first and the last light are half the remainder away from the line's ends.
+        Distance along the line in plan. The first and the last light are half the remainder away from the line's ends.
     height_m : float
-        Height above the floor.
+        Height above the floor, where it may hang so high.
     pitch_deg : float
         Angle below the horizontal.
     cutoff_deg : float
@@ -132,16 +142,17 @@ def place_lights(
     down = math.radians(pitch_deg)
     lights = []
     for line in lines_m:
-        along = arc_length(line)
+        along = arc_length(line[:, :2])
         n = int(along[-1] // spacing_m) + 1
         n = n if count is None else min(n, count)
         for distance in (along[-1] - (n - 1) * spacing_m) / 2 + spacing_m * np.arange(n):
-            x, y = (float(np.interp(distance, along, line[:, k])) for k in (0, 1))
+            x, y, floor_m, most_m = (float(np.interp(distance, along, line[:, k])) for k in range(4))
             ahead = [np.interp(min(distance + 2.0, along[-1]), along, line[:, k]) for k in (0, 1)]
             behind = [np.interp(max(distance - 2.0, 0.0), along, line[:, k]) for k in (0, 1)]
             heading = math.atan2(ahead[1] - behind[1], ahead[0] - behind[0])
             direction = (math.cos(heading) * math.cos(down), math.sin(heading) * math.cos(down), -math.sin(down))
-            lights.append(SpotLight((round(x, 3), round(y, 3), height_m), direction, cutoff_deg))
+            place = (round(x, 3), round(y, 3), floor_m + min(height_m, most_m))
+            lights.append(SpotLight(place, direction, cutoff_deg))
     return lights
 
 

@@ -128,12 +128,17 @@ def test_any_number_of_zones_covers_the_floor_without_gaps(config):
     assert all(a.east_m == b.west_m for a, b in itertools.pairwise(zones))
 
 
+def along_x(length_m):
+    """Return a level floor along x without a roof."""
+    return np.array([[0.0, 0.0, 0.0, 1e9], [length_m, 0.0, 0.0, 1e9]])
+
+
 def test_lights_are_twenty_metres_apart_and_point_along_the_drift_and_down():
-    lights = place_lights([np.array([[0.0, 0.0], [100.0, 0.0]])], 20.0, 3.0, 20.0, 45.0, None)
+    lights = place_lights([along_x(100.0)], 20.0, 3.0, 20.0, 45.0, None)
     assert [light.place_m for light in lights] == [(float(x), 0.0, 3.0) for x in range(0, 101, 20)]
     for light in lights:
         assert light.direction == pytest.approx((math.cos(math.radians(20)), 0, -math.sin(math.radians(20))))
-    assert len(place_lights([np.array([[0.0, 0.0], [700.0, 0.0]])], 20.0, 3.0, 20.0, 45.0, 33)) == 33
+    assert len(place_lights([along_x(700.0)], 20.0, 3.0, 20.0, 45.0, 33)) == 33
 
 
 def test_tilting_keeps_lengths_and_centres_the_mine():

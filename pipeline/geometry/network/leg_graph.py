@@ -18,7 +18,7 @@ _SMOOTHING_CELLS = 3.0  # s.d. of the smoothing; pixel chains run in 45 deg step
 
 @dataclass(frozen=True, eq=False)
 class GraphLeg:
-    """A leg: its nodes, the lower number first, the path (n, 2) m from that one to the other, and its length, m."""
+    """A leg: its nodes, the lower number first, the path (n, k) m from that one to the other, and its length, m."""
 
     first: int
     last: int
@@ -43,10 +43,10 @@ class LegGraph:
         self.places_m[number], self.legs_at[number] = place_m, []
 
     def add_leg(self, first: int, last: int, path: np.ndarray) -> None:
-        """Add a leg with a path (n, 2) m from one node to another one."""
+        """Add a leg with a path (n, k) m from one node to another one: x, y, and what else a line has there."""
         if first > last:
             first, last, path = last, first, path[::-1]
-        leg = GraphLeg(first, last, path, float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()))
+        leg = GraphLeg(first, last, path, float(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1).sum()))
         self.legs_at[first].append(leg)
         self.legs_at[last].append(leg)
 

@@ -109,7 +109,7 @@ def _describe(graph: LegGraph, free: Polygon, spacing_m: float, cell_m: float) -
             zip(edges, sampled, np.split(half_width, ends[:-1]), strict=True)
         )
     ]
-    route, line = _main_drift(graph)
+    route, line = main_drift(graph)
     components = int(connected_components(_links(graph), directed=False)[0])
     return DriftNetwork(
         nodes_m={names[n]: (_cm(graph.places_m[n][0]), _cm(graph.places_m[n][1])) for n in order},
@@ -144,8 +144,8 @@ def _leg(
     )
 
 
-def _main_drift(graph: LegGraph) -> tuple[list[int], np.ndarray]:
-    """Return the longest of the shortest routes between two nodes, from west to east, and its line (n, 2) m."""
+def main_drift(graph: LegGraph) -> tuple[list[int], np.ndarray]:
+    """Return the longest of the shortest routes between two nodes, from west to east, and its line (n, k) m."""
     a, b = _farthest_pair(graph)
     if graph.places_m[a][0] > graph.places_m[b][0]:
         a, b = b, a

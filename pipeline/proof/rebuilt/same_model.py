@@ -18,6 +18,7 @@ from minexplore.bundle import (
     HFIELDS,
     MESHES,
     MODEL,
+    RECORD,
     ROCK_TEXTURE,
     ROOF_GEOM,
     SMOOTH_MESHES,
@@ -37,7 +38,7 @@ from pipeline.errors import ArtifactError
 from pipeline.mjcf.assemble import heading_at
 from pipeline.mjcf.bundle import WorldRecord
 from pipeline.mjcf.loading import read_spec, text_of
-from pipeline.mjcf.scene import MineScene, tilt_about_centre
+from pipeline.mjcf.scene import ALONG, MineScene, SpotLight, level_lines, tilt_about_centre
 from pipeline.mjcf.world import build_spec
 from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.prisms import require_prisms
@@ -45,6 +46,8 @@ from pipeline.store.codecs import decode
 from pipeline.types import ConvexParts, DriftNetwork, Image, Mesh, SolidExtent
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 16 digits
+_LIGHT_OFF_M = 0.02  # along the drift: places have three decimals, and rounding adds up over a line
+_LIGHT_TURNED = 0.05  # of the direction: it follows from two places 4 m apart
 _LEVELS = 1  # of 255: another processor may round the other way
 _SHOWN = ("geom_", "light_", "mat_")  # fields that say most come first: others follow from them
 _PLACE_M = 2e-4  # centres have four decimals
@@ -105,6 +108,17 @@ def _require_parts(folder: Path, record: WorldRecord, stated: mujoco.MjSpec) -> 
         raise ArtifactError(f"{folder / MODEL}: geom {ROOF_GEOM}: {thick}, want {_THINNEST_M} m")
 
 
+def _lights(folder: Path, record: WorldRecord, stated: mujoco.MjSpec, network: DriftNetwork) -> list[SpotLight]:
+    """Return the lights as the builder places them along the main drift or all drifts, as many as the record has."""
+    lights = [
+        SpotLight(tuple(light.pos.tolist()), tuple(light.dir.tolist()), float(light.cutoff)) for light in stated.lights
+    ]
+    if len(lights) != record.lights:
+        raise ArtifactError(f"{folder / MODEL}: {len(lights)} lights, {RECORD} has {record.lights}")
+    lines = (level_lines(network, along) for along in ALONG)
+    return remake_lights(folder / MODEL, lights, lines, _LIGHT_OFF_M, _LIGHT_TURNED)
+
+
 def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stated: mujoco.MjSpec) -> mujoco.MjSpec:
     """Return the specification of the world that the builder makes of the bundle's parts."""
     network: DriftNetwork = decode(folder / TOPOLOGY, DriftNetwork)
@@ -126,7 +140,7 @@ def _rebuilt(folder: Path, record: WorldRecord, files: Mapping[str, bytes], stat
         rock_friction=record.rock_friction,
         floor_thickness_m=2 * float(stated.geom(ROOF_GEOM).size[2]),
         zones=record.zones,
-        lights=remake_lights(folder, stated, record.lights, network),
+        lights=_lights(folder, record, stated, network),
         smooth=_smooth(record),
         rough={f"{name}.msh": data for name, data in chunks.items() if not is_fitting(name)},
         texture=files.get(ROCK_TEXTURE, b""),

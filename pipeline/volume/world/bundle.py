@@ -26,8 +26,8 @@ from minexplore.bundle import (
     world_sha256,
 )
 from minexplore.floors.volume_arrays import FacetLabel, FloorSpans, Parts, VolumeFacets
-from pipeline.mjcf.scene import SpotLight, place_lights, tile_zones
-from pipeline.params.realism import LightParams, RealismParams
+from pipeline.mjcf.scene import tile_zones
+from pipeline.params.realism import RealismParams
 from pipeline.places import SPAWN
 from pipeline.store.codecs import Bundle, decode, encode
 from pipeline.store.files import adapter_of
@@ -35,6 +35,7 @@ from pipeline.store.hashing import sha256_bytes
 from pipeline.types import FreeSpace, Survey
 from pipeline.volume.world.compile import BUILT
 from pipeline.volume.world.content import world_box
+from pipeline.volume.world.drifts.lamps import lights_of
 from pipeline.volume.world.floor.cover import lay_floor
 from pipeline.volume.world.model import VolumeScene, eye_over, model_xml
 from pipeline.volume.world.parts import cut_floors
@@ -45,7 +46,6 @@ from pipeline.volume.world.surface.views import draw_preview
 from pipeline.volume.world.topology import LegNetwork, Start, heading_at
 
 _OWN = (SPAWN, BUILT)  # of the stage's folder, which the record holds
-_ROOF_SHARE = 0.8  # of the way to the roof that lights hang at most
 
 
 def bundle_volume(
@@ -118,27 +118,6 @@ def seal(files: Bundle, record: VolumeRecord, params: RealismParams) -> Bundle:
     fields["world_sha256"] = world_sha256(fields)
     made_by = params.made_by.model_dump(mode="json")
     return {**files, RECORD: encode(Path(RECORD), fields), MADE_BY: encode(Path(MADE_BY), made_by)}
-
-
-def lights_of(params: LightParams, legs: LegNetwork) -> list[SpotLight]:
-    """Return spot lights along the legs, as far over their floors as stated, or below a lower roof."""
-    lights: list[SpotLight] = []
-    for leg in legs.legs:
-        a, b = np.array(legs.stations_m[leg.start]), np.array(legs.stations_m[leg.end])
-        run = float(np.hypot(*(b - a)[:2]))
-        if run < params.spacing_m / 2:
-            continue
-        placed = place_lights(
-            [np.array([a[:2], b[:2]])], params.spacing_m, 0.0, params.pitch_deg, params.cutoff_deg, params.count
-        )
-        for light in placed:
-            share = float(np.hypot(light.place_m[0] - a[0], light.place_m[1] - a[1])) / run
-            (_, _, up, down), (_, _, far_up, far_down) = leg.lrud_m
-            floor = (a[2] - down) * (1 - share) + (b[2] - far_down) * share
-            tall = (up + down) * (1 - share) + (far_up + far_down) * share
-            z = round(float(floor + min(params.height_m, _ROOF_SHARE * tall)), 3)
-            lights.append(SpotLight((light.place_m[0], light.place_m[1], z), light.direction, light.cutoff_deg))
-    return lights
 
 
 def _figures(volume: VolumeFacets, parts: Parts, cells: FloorSpans, built: BuiltVolume) -> VolumeFigures:

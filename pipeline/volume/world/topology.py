@@ -37,6 +37,11 @@ class LegRecord:
     grade: float
     lrud_m: list[tuple[float, float, float, float]]
 
+    @property
+    def headroom_m(self) -> np.ndarray:
+        """Return the free height (2,) m over its floor at either end."""
+        return np.array(self.lrud_m)[:, 2:].sum(axis=1)
+
 
 @dataclass(frozen=True)
 class LegNetwork:

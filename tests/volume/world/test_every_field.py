@@ -17,10 +17,11 @@ from minexplore.sealed.files import read_folder
 from pipeline.errors import ArtifactError, MineError
 from pipeline.mjcf.scene import SpotLight
 from pipeline.proof.claims import STATED
+from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.proof.rebuilt.same_model import model_difference
 from pipeline.store.codecs import encode
 from pipeline.store.mine_survey import WORKINGS
-from pipeline.volume.world.proof.again.relit import remake_lights
+from pipeline.volume.world.drifts.lamps import lit_lines
 from pipeline.volume.world.proof.again.seen import require_surveyed_plan
 from pipeline.volume.world.proof.alone import certify_alone, survey_alone
 from pipeline.volume.world.proof.certificate import open_volume
@@ -231,6 +232,10 @@ def lit(places):
     return [SpotLight((x, 0.0, 3.0), way, 45.0) for x in places], network
 
 
+def again(lights, network):
+    return remake_lights(Path(MODEL), lights, [lit_lines(network, "network")], 1e-6, 1e-6)
+
+
 def leg_of_100_m():
     return LegRecord("0", "a", "b", 100.0, 0.0, [(2.0, 2.0, 4.0, 0.0)] * 2)
 
@@ -238,14 +243,14 @@ def leg_of_100_m():
 @pytest.mark.parametrize("places", [[10, 30, 50, 70, 90], [50], [37.5, 50, 62.5], [0, 25, 50, 75, 100]])
 def test_lights_at_even_distances_are_placed_again(places):
     lights, network = lit(places)
-    assert len(remake_lights(Path(MODEL), lights, network)) == len(places)
+    assert len(again(lights, network)) == len(places)
 
 
 @pytest.mark.parametrize("places", [[10, 30, 51, 70, 90], [49], [10, 30, 50, 70], [10, 30, 50, 70, 90, 95]])
 def test_lights_at_other_distances_are_refused(places):
     lights, network = lit(places)
     with pytest.raises(ArtifactError, match="not at even distances"):
-        remake_lights(Path(MODEL), lights, network)
+        again(lights, network)
 
 
 def test_the_models_that_are_written_and_made_again_compile_to_the_same_fields(seen):

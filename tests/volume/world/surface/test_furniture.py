@@ -33,7 +33,8 @@ from pipeline.geometry.polyline import FloorLine
 from pipeline.proof.rebuilt.fittings import require_furniture
 from pipeline.schema import check_world
 from pipeline.store.codecs import decode
-from pipeline.volume.world.surface.furnished import Drift, drifts_along, hang_again, lines_through
+from pipeline.volume.world.drifts.ways import Drift, drifts_along, lines_through
+from pipeline.volume.world.surface.furnished import hang_again, is_furnished
 from pipeline.volume.world.topology import LegNetwork
 from tests.heights import HEADER
 from tests.mines import require_allowed
@@ -93,7 +94,7 @@ def test_the_schema_allows_the_bundle_and_the_validator_makes_it_again(slope):
 
 
 def test_ways_end_at_junctions_and_where_the_roof_is_too_low(slope):
-    ways = [drift.way for drift in drifts_along(decode(slope / "topology.json", LegNetwork))]
+    ways = [drift.way for drift in drifts_along(decode(slope / "topology.json", LegNetwork), is_furnished)]
     assert sorted(round(way.length_m, 1) for way in ways) == [16.2, 17.3]  # the low drift has none
     assert sorted(way.ends_at_junctions for way in ways) == [(False, True), (True, False)]
 
@@ -127,7 +128,9 @@ def test_lines_take_the_straightest_way_through_a_junction_whatever_way_legs_wer
     def drift(start, end, places, left_m, right_m):
         floor = np.column_stack([places, np.zeros(len(places))])
         return Drift(
-            FloorLine(floor, np.full(len(places), left_m), np.full(len(places), right_m), (True, True)), (start, end)
+            FloorLine(floor, np.full(len(places), left_m), np.full(len(places), right_m), (True, True)),
+            (start, end),
+            np.full(len(places), 3.0),
         )
 
     west, north = (

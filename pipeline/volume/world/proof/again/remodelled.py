@@ -13,15 +13,18 @@ import numpy as np
 from minexplore.bundle import MESHES, MINE_BODY, MODEL, RECORD, mesh_of
 from minexplore.sealed.xml import walk_xml
 from pipeline.errors import ArtifactError
+from pipeline.mjcf.scene import ALONG, SpotLight
+from pipeline.proof.rebuilt.lights import remake_lights
 from pipeline.schema.rules import numbers_in
 from pipeline.volume.world.content import world_box
+from pipeline.volume.world.drifts.lamps import lit_lines
 from pipeline.volume.world.model import VolumeScene, eye_over, model_tree, part_geoms, part_meshes, part_names
-from pipeline.volume.world.proof.again.relit import light_of, remake_lights
 from pipeline.volume.world.proof.certificate import VolumeBundle
 from pipeline.volume.world.surface.show import is_painted
 from pipeline.volume.world.topology import heading_at
 
 _MARGIN = 1e-9  # relative and absolute: the text of a model has 12 digits
+_LIGHT_OFF = 1e-6  # m of a light's place, and of its direction: its distance is a whole number of millimetres
 _SHOWN = 60  # characters of a value in a message
 _WHERE = {"mesh": ("mujoco", "asset"), "geom": ("mujoco", "worldbody", f"body[{MINE_BODY}]")}  # parts stand in these
 
@@ -66,13 +69,24 @@ def require_same_model(folder: Path, world: VolumeBundle, water_m: float) -> Non
     found = _Elements(scene)
     walk_xml(MODEL, world.model, found)
     path = folder / MODEL
-    lights = [light_of(path, attributes) for tag, _, attributes in found.kept if tag == "light"]
+    lights = [_light(path, attributes) for tag, _, attributes in found.kept if tag == "light"]
     if len(lights) != record.lights:
         raise ArtifactError(f"{path}: {len(lights)} lights, {RECORD} has {record.lights}")
-    scene = replace(scene, lights=remake_lights(path, lights, world.legs))
+    lines = (lit_lines(world.legs, along) for along in ALONG)
+    scene = replace(scene, lights=remake_lights(path, lights, lines, _LIGHT_OFF, _LIGHT_OFF))
     differs = found.differs or found.missing or _difference(found.kept, model_tree(scene, ()))
     if differs:
         raise ArtifactError(f"{path}: {differs}, as the builder writes it")
+
+
+def _light(model: Path, attributes: dict[str, str]) -> SpotLight:
+    """Return the light of an element; `ArtifactError` if it lacks a place, a direction or an angle."""
+    texts = {name: attributes.get(name, "") for name in ("pos", "dir", "cutoff")}
+    place, direction, cutoff = (numbers_in(text) or [] for text in texts.values())
+    if (len(place), len(direction), len(cutoff)) != (3, 3, 1):
+        raise ArtifactError(f"{model}: light: {texts}, want a place, a direction and an angle")
+    (x, y, z), (east, north, up) = place, direction
+    return SpotLight((x, y, z), (east, north, up), cutoff[0])
 
 
 class _Elements:

@@ -1,0 +1,1 @@
+"""The drifts of a volume, each through many legs, and the lights along them."""
