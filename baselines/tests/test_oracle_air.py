@@ -1,16 +1,15 @@
 """The bound of robots that fly: the network in plan in a level mine, and storeys, shafts and spirals in a volume."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from baselines.oracle.air import _fastest_in_plan, free_columns, network_in_air
+from baselines.oracle.air import fastest_in_plan_mps, free_columns, network_in_air
 from baselines.oracle.air_views import cubes_in_view
 from baselines.oracle.bound import best_walk
 from baselines.oracle.network import time_network
-from baselines.oracle.problem import CoverageProblem
+from baselines.oracle.problem import CoverageProblem, SquareGrid
 from baselines.policies.policy_lookup import make_policy
 from baselines.running.protocol import run_episodes
 from minexplore.envs.vector import MineVectorEnv
@@ -60,7 +59,7 @@ class AlongLine:
         way = self._line[min(nearest + 4, len(self._line) - 1)] - place
         ahead, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
         level = way[:2] / max(np.linalg.norm(way[:2]), 1.0)
-        return np.array([[level @ ahead, level @ left, np.clip(way[2], -1.0, 1.0), 0.0]])
+        return np.array([[level @ ahead, level @ left, np.clip(way[2], -1.0, 1.0), 1.0]])
 
 
 def require_below(env, network, policy, horizon_s):
@@ -72,16 +71,33 @@ def require_below(env, network, policy, horizon_s):
     return seen / env.robots.grid.total, bounds / env.robots.grid.total
 
 
+def test_a_robot_that_turns_flies_faster_than_commanded_and_no_faster_than_the_bound_takes(box):
+    env = flyer(box)
+    batch, rngs = env.robots, [np.random.default_rng(0)]
+    batch.reset(np.arange(1), rngs)
+    batch.place(0, 2.0, 0.0, 0.0)
+    east = []
+    for _ in range(80):  # the push at a right angle is at its side: it aims so much to the other one
+        aim = np.arctan2(env.task.max_turn_radps, batch.robot.velocity_gain_ps) + batch.poses()[0][2]
+        batch.step(np.array([[np.cos(aim), -np.sin(aim), 0.0, 1.0]]), rngs)
+        east.append(batch.poses()[0][0])
+    assert not batch.collisions[0]
+    fastest = (east[60] - east[40]) / 2.0
+    assert 1.2 * env.task.max_forward_mps < fastest < fastest_in_plan_mps(batch)
+    assert fastest > 0.95 * fastest_in_plan_mps(batch)
+    env.close()
+
+
 def test_the_network_of_a_level_mine_is_that_in_plan_with_all_cubes_over_places_in_view(tee):
     env = flyer(tee.bundle)
     batch, cubes = env.robots, env.robots.grid
-    task = dataclasses.replace(env.task, max_forward_mps=_fastest_in_plan(batch))
-    plan = SimpleNamespace(reachable=cubes.in_plan(cubes.reachable), origin_m=cubes.origin_m, cell_m=cubes.cell_m)
+    task = dataclasses.replace(env.task, max_forward_mps=fastest_in_plan_mps(batch) / 1.02)  # its margin
+    plan = SquareGrid(cubes.in_plan(cubes.reachable), cubes.origin_m, cubes.cell_m)
     wanted = time_network(CoverageProblem(env.world, task, batch.robot, plan), 4.0)
     found = network_in_air(batch, 4.0)
     assert (list(found.graph), found.root) == (list(wanted.graph), wanted.root)
     assert sorted(found.graph.edges) == sorted(wanted.graph.edges)
-    np.testing.assert_array_equal(found.arrival_s, wanted.arrival_s[wanted.standing])
+    np.testing.assert_allclose(found.arrival_s, wanted.arrival_s[wanted.standing], rtol=1e-12)
     for node, cells in wanted.credit.items():
         over = np.unravel_index(cells, plan.reachable.shape)
         seen = np.zeros(cubes.total, bool)
@@ -96,7 +112,7 @@ def test_a_climb_takes_no_time_and_the_drift_over_another_no_short_cut(storeys):
     env = flyer(storeys)
     free, _ = free_columns(env.world, 0.16)
     network = network_in_air(env.robots, 4.0)
-    start, speed = env.robots.ground.start_m, 1.02 * env.task.max_forward_mps
+    start, speed = env.robots.ground.start_m, fastest_in_plan_mps(env.robots)
     assert start[2] < 5.0  # it begins in the lower drift
     shaft_m = free.places_m[free.headroom_m > 30.0, 0].min()  # its near side
     for x, z in ((20.0, 0.0), (20.0, 30.0), (5.0, 30.0)):
@@ -127,10 +143,10 @@ def test_a_spiral_takes_as_long_as_it_is_and_a_flight_down_it_at_full_speed_stay
     flown, bound = require_below(env, network, AlongLine(places), 150.0)
     print(np.column_stack([np.arange(len(flown)) * 2, flown, np.repeat(bound, 2)[: len(flown)]])[::5])
     assert flown[-1] > 0.95
-    assert bound[15] < 0.65  # at 60 s
+    assert 0.5 < flown[30] < bound[15] < 0.8  # at 60 s
     assert np.isfinite(network.arrival_s).all()
     around = 2 * 2 * np.pi * (14.0 - 2.2)  # two turns along the inner wall
-    assert network.arrival_s.max() > (around + 40.0) / (1.02 * env.task.max_forward_mps) / 1.05
+    assert network.arrival_s.max() > (around + 40.0) / fastest_in_plan_mps(env.robots) / 1.05
     env.close()
 
 
