@@ -51,7 +51,7 @@ def joined_pairs(
 
 
 @dataclass(frozen=True)
-class Bands:
+class TimeBands:
     """Spans (s,) in regions of one band each, the regions' ends, and the regions that others are beyond.
 
     `regions` (s,) are numbers from 1, 0 where no robot comes; `ends` (regions + 1, 2) the nodes at the near and the far
@@ -77,7 +77,7 @@ class Bands:
         return TimeNetwork(graph, root, self.band_s, credit, {}, np.isfinite(self.time_s), self.time_s)
 
 
-def cut_into_bands(time_s: np.ndarray, pairs: np.ndarray, band_s: float) -> Bands:
+def cut_into_bands(time_s: np.ndarray, pairs: np.ndarray, band_s: float) -> TimeBands:
     """Cut spans with least times (s,), infinite where no robot comes, into bands, as `time_network` does."""
     reached = np.isfinite(time_s)
     band = np.where(reached, np.where(reached, time_s, 0.0) // band_s, -1).astype(int)
@@ -87,7 +87,7 @@ def cut_into_bands(time_s: np.ndarray, pairs: np.ndarray, band_s: float) -> Band
     for below, above in touching.tolist():
         sides.union(2 * below + 1, 2 * above)
     ends = np.array([[sides[2 * region], sides[2 * region + 1]] for region in range(int(regions.max()) + 1)])
-    return Bands(band_s, time_s, regions, ends, np.unique(touching[:, 0]))
+    return TimeBands(band_s, time_s, regions, ends, np.unique(touching[:, 0]))
 
 
 def _regions(band: np.ndarray, pairs: np.ndarray) -> np.ndarray:
