@@ -8,8 +8,8 @@ import numpy as np
 
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.visibility import _MARCH_M, _RAYS, _SAMPLE_M, SURFACE_M
-from minexplore.floors.volume_arrays import FloorSpans
 from minexplore.volume.cells import VolumeGrid
+from minexplore.volume.standing import ColumnFloors
 
 _LEAN = 0.06  # rise per metre that a robot leans by more than its floor: 3.3 deg on its castors in 95 % of steps
 _STEEPEST = 0.364  # rise over run of floors that robots stand on
@@ -28,7 +28,7 @@ class FreeHeights:
     first: np.ndarray
 
 
-def free_heights(spans: FloorSpans) -> FreeHeights:
+def free_heights(spans: ColumnFloors) -> FreeHeights:
     """Return the free space over all floors and 0.5 m beside them; heights that meet are one."""
     reach = round(SURFACE_M / spans.cell_m)
     beside = [
@@ -82,7 +82,7 @@ def cells_in_view(problem: CoverageProblem, numbers: np.ndarray, regions: np.nda
     steps = np.arange(0.0, far + _MARCH_M, _MARCH_M)
     offsets = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None, :] * steps[:, None]  # (rays, steps, 2)
     seen: list[set[int]] = [set() for _ in range(int(regions.max()) + 1)]
-    for number in _samples(spans, numbers, regions, max(1, round(_SAMPLE_M / spans.cell_m))):
+    for number in samples_of(spans, numbers, regions, max(1, round(_SAMPLE_M / spans.cell_m))):
         place = spans.places_m[numbers[number]]
         eye = place[2] + problem.robot.sensor_height_m
         points, low, high = place[:2] + offsets, eye - rise * steps, eye + rise * steps
@@ -113,7 +113,7 @@ def _cells_at(grid: VolumeGrid, places_m: np.ndarray, low_m: np.ndarray, high_m:
     return np.asarray(number[meets])
 
 
-def _samples(spans: FloorSpans, numbers: np.ndarray, regions: np.ndarray, every: int) -> list[int]:
+def samples_of(spans: ColumnFloors, numbers: np.ndarray, regions: np.ndarray, every: int) -> list[int]:
     """Return every n-th span in either direction of the regions, and one of each region that these miss."""
     on = (spans.row[numbers] % every == 0) & (spans.column[numbers] % every == 0)
     picked = np.flatnonzero((regions > 0) & on)

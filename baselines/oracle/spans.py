@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import networkx as nx
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from baselines.base.errors import BaselineError
+from baselines.oracle.bands import cut_into_bands, joined_pairs
 from baselines.oracle.bound import Walk
-from baselines.oracle.network import _EXIT_PART, _METRIC, _SINK_M, _STEPS, TimeNetwork, _credit
+from baselines.oracle.network import _EXIT_PART, _METRIC, _SINK_M, TimeNetwork
 from baselines.oracle.problem import CoverageProblem
 from baselines.oracle.span_views import cells_in_view
 from baselines.oracle.tour import _NEAR_ROCK_M, _NEAR_ROCK_PENALTY
@@ -69,28 +70,22 @@ def network_over_spans(problem: CoverageProblem, band_s: float) -> TimeNetwork:
     spans = spans_of(problem.world)
     links, (start,), times = arrival_over_spans(problem, np.array(problem.world.record["spawn"]["anchor_m"])[None])
     numbers = np.flatnonzero(links.standing)
+    bands = cut_into_bands(times, links.pairs, band_s)
+    regions, ends = bands.regions, bands.ends
     is_reached = np.isfinite(times)
-    band = np.where(is_reached, np.where(is_reached, times, 0.0) // band_s, -1).astype(int)
-    regions = _regions(band, links.pairs)
-    touching = _touching(regions, band, links.pairs)
-    ends = _join(int(regions.max()), touching)
-    passable = np.unique(touching[:, 0])
-    graph: nx.MultiGraph = nx.MultiGraph()
-    graph.add_nodes_from(ends[1:, 0].tolist())
-    graph.add_edges_from(ends[passable].tolist())
-    root = int(ends[regions[start], 0])
     late = is_reached & (np.where(is_reached, times, 0.0) % band_s > (1 - _EXIT_PART) * band_s)
     clearance = spans.clearance_m[numbers]
-    places = {root: numbers[[start]]}
-    for region in sorted(passable.tolist(), key=lambda r: float(clearance[regions == r].max())):
+    places = {}
+    for region in sorted(bands.passable.tolist(), key=lambda r: float(clearance[regions == r].max())):
         own = np.flatnonzero((regions == region) & late)
         own = own if len(own) else np.flatnonzero(regions == region)
         node = int(ends[region, 1])
         places[node] = numbers[[own[clearance[own].argmax()]]]
-    credit = _credit(cells_in_view(problem, numbers, regions), ends, passable, list(graph))
+    root = int(ends[regions[start], 0])
     arrival = np.full(len(links.standing), np.inf)
     arrival[numbers] = times
-    return TimeNetwork(graph, root, band_s, credit, {**places, root: numbers[[start]]}, links.standing, arrival)
+    found = bands.network(start, cells_in_view(problem, numbers, regions))
+    return replace(found, places={**places, root: numbers[[start]]}, standing=links.standing, arrival_s=arrival)
 
 
 def arrival_over_spans(problem: CoverageProblem, starts_m: np.ndarray) -> tuple[SpanLinks, list[int], np.ndarray]:
@@ -122,26 +117,13 @@ def span_links(spans: FloorSpans, clearance_m: float) -> SpanLinks:
     """
     standing = (spans.clearance_m >= clearance_m) | (spans.storey < 0)
     numbers = np.flatnonzero(standing)
-    column, row = spans.column[numbers].astype(np.int64), spans.row[numbers].astype(np.int64)
-    floor, roof = spans.floor_m[numbers], spans.floor_m[numbers] + spans.headroom_m[numbers]
-    wide = int(column.max()) + 8
-    key = (row + 4) * wide + column + 4
-    order = np.argsort(key, kind="stable")
-    keys = key[order]
-    found = []
-    for north, east in (step for step in _STEPS if step > (0, 0)):
-        start, end = (np.searchsorted(keys, key + north * wide + east, side=side) for side in ("left", "right"))
-        for k in range(int((end - start).max(initial=0))):
-            one = np.flatnonzero(start + k < end)
-            two = order[start[one] + k]
-            meets = np.minimum(roof[one], roof[two]) > np.maximum(floor[one], floor[two])
-            found.append(np.column_stack([one[meets], two[meets], np.full(meets.sum(), north**2 + east**2)]))
-    every = np.concatenate(found)
-    one, two, run = every[:, 0], every[:, 1], np.sqrt(every[:, 2]) * spans.cell_m
+    floor = spans.floor_m[numbers]
+    pairs, length = joined_pairs(spans.column[numbers], spans.row[numbers], floor, floor + spans.headroom_m[numbers])
+    (one, two), run = pairs.T, length * spans.cell_m
     rise = np.abs(floor[one] - floor[two])
     steep = rise > _steepest(spans) * run
     length = np.where(steep, rise / _FALL_MPS, np.hypot(run, rise))
-    return SpanLinks(standing, every[:, :2], length, steep)
+    return SpanLinks(standing, pairs, length, steep)
 
 
 def _steepest(spans: FloorSpans) -> float:
@@ -179,32 +161,6 @@ def slowness(world: World, task: TaskParams) -> np.ndarray:
     sliding = np.minimum(gained, _FALL_MPS * np.sqrt(1 + 1 / np.maximum(steep, 1e-9) ** 2))
     most = np.where(grip < _SLIP[0][-1], commanded * np.interp(grip, *_SLIP), sliding)
     return np.asarray(1 / most[world.zones_at(world.volume.spans.places_m[:, 0])])
-
-
-def _regions(band: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Return the connected parts of every band (n,), numbered from 1; 0 where no robot comes."""
-    same = pairs[(band[pairs[:, 0]] == band[pairs[:, 1]]) & (band[pairs[:, 0]] >= 0)]
-    label = connected_components(coo_matrix((np.ones(len(same)), same.T), shape=(len(band),) * 2), directed=False)[1]
-    found = np.zeros(len(band), int)
-    found[band >= 0] = np.unique(label[band >= 0], return_inverse=True)[1].reshape(-1) + 1
-    return found
-
-
-def _touching(regions: np.ndarray, band: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """Return pairs (n, 2) of regions that touch, the lower band first."""
-    one, two = pairs.T
-    meet = (regions[one] > 0) & (regions[two] > 0) & (band[one] != band[two])
-    upward = band[one][meet] < band[two][meet]
-    a, b = regions[one][meet], regions[two][meet]
-    return np.unique(np.column_stack([np.where(upward, a, b), np.where(upward, b, a)]), axis=0)
-
-
-def _join(count: int, touching: np.ndarray) -> np.ndarray:
-    """Return the nodes (regions + 1, 2) at the near and the far side of every region; touching ones share a node."""
-    sides = nx.utils.UnionFind(range(2 * count + 2))
-    for below, above in touching.tolist():
-        sides.union(2 * below + 1, 2 * above)
-    return np.array([[sides[2 * region], sides[2 * region + 1]] for region in range(count + 1)])
 
 
 def tour_over_spans(network: TimeNetwork, walk: Walk, world: World) -> np.ndarray:

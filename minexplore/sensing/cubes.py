@@ -70,11 +70,17 @@ class CubeGrid:
         number = self.numbers_at((start[ray] + middle[:, None] * step[ray]) * self.cell_m)
         return ray[number >= 0], number[number >= 0]
 
-    def columns(self) -> dict[int, np.ndarray]:
-        """Return the numbers of the cubes of each column that has any, by the flat index of its cell of the plan."""
-        order = np.argsort(self._flat, kind="stable")
-        cells, first = np.unique(self._flat[order], return_index=True)
-        return dict(zip(cells.tolist(), np.split(order, first[1:]), strict=True))
+    def between(self, places_m: np.ndarray, low_m: np.ndarray, high_m: np.ndarray) -> np.ndarray:
+        """Return which cubes (total,) are over places (n, 2) m of the plan, in part between heights (n,) m."""
+        at = np.floor((places_m - self.origin_m) / self.cell_m).astype(int)
+        ends = [np.floor(height_m / self.cell_m).astype(int) - self.low[2] for height_m in (low_m, high_m)]
+        inside = ((at >= 0) & (at < self._size[:2])).all(axis=1) & (ends[0] < self._size[2]) & (ends[1] >= 0)
+        column = (at[:, 0] * self._size[1] + at[:, 1])[inside] * self._size[2]
+        bottom, top = (np.clip(end[inside], 0, self._size[2] - 1) for end in ends)
+        first, last = np.searchsorted(self._keys, column + bottom), np.searchsorted(self._keys, column + top + 1)
+        begun, ended = (np.bincount(those, minlength=self.total + 1)[:-1] for those in (first, last))
+        found: np.ndarray = np.cumsum(begun - ended) > 0
+        return found
 
     def in_plan(self, cells: np.ndarray) -> np.ndarray:
         """Return over which columns (rows, cols) some cubes (total,) are."""

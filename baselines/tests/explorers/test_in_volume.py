@@ -56,13 +56,6 @@ def test_the_frontier_explorer_flies_through_the_tee_without_touching_it_and_sta
     env.close()
 
 
-def test_the_network_credits_all_cubes_of_a_column_in_view(flying_id, network):
-    env = make_env(flying_id, 1)
-    seen = np.unique(np.concatenate(list(network.credit.values())))
-    np.testing.assert_array_equal(seen, np.arange(env.robots.grid.total))
-    env.close()
-
-
 def test_a_map_of_a_box_is_free_inside_and_rock_at_its_walls():
     own = VolumeMap(2.0)
     rng = np.random.default_rng(0)

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 import shapely
 
+from baselines.oracle.air import network_in_air
+from baselines.oracle.bound import best_walk
 from benchmarks.comparisons.one_model.agreement import certificate_of, compare
 from benchmarks.comparisons.one_model.measures import Beams, enclosed_area, push, reach_by_outline
 from benchmarks.comparisons.one_model.twins import PLANS, TracedPlan, Twins
 from benchmarks.worlds.small_world import WORKINGS
+from minexplore.envs.vector import MineVectorEnv
 from tests.project import ROOT
 
 ROOM = shapely.box(0, 0, 10, 4)
@@ -47,6 +50,18 @@ def test_a_robot_reaches_the_same_area_in_both_models(compared):
 def test_the_volume_of_a_small_plan_has_no_more_parts_and_its_certificate_holds(small, compared):
     assert compared.parts[1] <= compared.parts[0]
     assert certificate_of(small)
+
+
+def test_the_bound_of_a_robot_that_flies_is_nearly_the_same_in_both_models(small):
+    shares = []
+    for model in (small.level, small.volume):
+        env = MineVectorEnv(1, world=model.folder, robot="quadrotor", task={"terrain": False})
+        network = network_in_air(env.robots, 2.0)
+        shares.append([best_walk(network, seconds).most / env.robots.grid.total for seconds in range(0, 24, 4)])
+        env.close()
+    print(np.round(shares, 3))
+    assert shares[0][0] < 0.8 < shares[0][-1] == 1.0
+    np.testing.assert_allclose(shares[1], shares[0], atol=0.03)  # of 98 cubes; views are sampled from other places
 
 
 def test_a_wall_that_is_moved_by_a_millimetre_is_found(small):
