@@ -88,17 +88,13 @@ def _validate_volume(
 
     done = progress("validation", 5, "steps")
     opened, frame, shape = open_volume(world), mine.survey.frame, volume_of(mine, traced)
-    plan, evidence = _seen_plan(mine, shape, traced), dict[str, Any]()
-    if opened.rock:  # before all else: MuJoCo's model of the rock takes as much memory as what comes later
-        from pipeline.volume.world.surface.views import draw_volume_views
-
-        evidence["views.png"] = draw_volume_views(world, opened.record, opened.legs, plan)
     done.update()
     files = opened.record.files
     require_furniture(world, files, params.fittings.furniture, hang_again(world, files))
     done.update()
     legs = shape if isinstance(shape, SurveyedLegs) else None  # those of other shapes follow their floors
     require_remade(world, opened, params.volume, legs, shape, params.fittings.floor)
+    plan = _seen_plan(mine, shape, traced)
     require_surveyed_plan(world, opened.record, frame, plan)
     require_drawn_areas(world / RECORD, opened.record.areas, plan.length, frame, cleaned, raw)
     done.update()
@@ -108,7 +104,7 @@ def _validate_volume(
     rock = measure_volume_texture(seen_from, params.texture)
     done.update()
     done.close()
-    metrics = found.metrics
+    metrics, evidence = found.metrics, dict[str, Any]()
     if shape is not mine.shape and params.extent == "full":  # a traced plan
         model, record = compile_with(read_spec(world / MODEL), world / MODEL), opened.record
         seen = render_free_space(model, np.array(record.T_world_mine), frame, record.volume.high_m)
@@ -124,8 +120,12 @@ def _validate_volume(
             "texture.png": draw_texture(rock.texture),
             "heat.png": draw_heat(rock.texture, rock.floors),
         }
-    if opened.rock and params.extent == "full":
-        evidence |= replayed_evidence(params.replay, lambda: swept_volume(world, opened))
+    if opened.rock:
+        from pipeline.volume.world.surface.views import draw_volume_views
+
+        evidence["views.png"] = draw_volume_views(world, opened.record, opened.legs, plan)
+        if params.extent == "full":
+            evidence |= replayed_evidence(params.replay, lambda: swept_volume(world, opened))
     if found.scan is not None:
         from pipeline.report.figures.deviation import draw_deviation
 
