@@ -53,15 +53,14 @@ def test_the_volume_of_a_small_plan_has_no_more_parts_and_its_certificate_holds(
 
 
 def test_the_bound_of_a_robot_that_flies_is_nearly_the_same_in_both_models(small):
-    shares = []
+    most = []
     for model in (small.level, small.volume):
         env = MineVectorEnv(1, world=model.folder, robot="quadrotor", task={"terrain": False})
-        network = network_in_air(env.robots, 2.0)
-        shares.append([best_walk(network, seconds).most / env.robots.grid.total for seconds in range(0, 24, 4)])
+        network, total = network_in_air(env.robots, 2.0), env.robots.grid.total
+        most.append([best_walk(network, seconds).most for seconds in range(0, 24, 4)])
         env.close()
-    print(np.round(shares, 3))
-    assert shares[0][0] < 0.8 < shares[0][-1] == 1.0
-    np.testing.assert_allclose(shares[1], shares[0], atol=0.03)  # of 98 cubes; views are sampled from other places
+        assert most[-1][0] < 0.8 * total < most[-1][-1] == total
+    np.testing.assert_allclose(*most, rtol=0, atol=4)  # of 196 cubes; why the slab has 4 less at 4 s was not found
 
 
 def test_a_wall_that_is_moved_by_a_millimetre_is_found(small):
